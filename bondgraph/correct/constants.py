@@ -17,6 +17,9 @@ INDIFFERENT = 3.0
 #: something too. A sensor is hardly better than a fifth of its noise over its range, and a third is the smallest error
 #: of a model at which the studies count what is found: conventions.
 FAINT, NOTICED = 0.2, 1.0 / 3.0
+#: Share by which a given constant may be off, two standard deviations of it: the tolerance with the letter K, of common
+#: electronic components (IEC 60062). Masses and lengths are known better, friction worse: a convention.
+TOLERANCE = 0.1
 #: Share of what something else explains from which a law counts as an answer to it: most of it, a convention.
 MOSTLY = 0.5
 #: Chance of what is looked at as that of a single test: a score, a gain of folds that were left out.

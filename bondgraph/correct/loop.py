@@ -18,6 +18,7 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.cautions import after_delays, at_bounds, cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
+from bondgraph.correct.corrected import corrected
 from bondgraph.correct.declared_fit import (
     DeclaredFit,
     fit_declared,
@@ -34,11 +35,12 @@ from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
-from bondgraph.correct.models.started import start_cautions, with_declared_starts
+from bondgraph.correct.models.started import start_cautions
 from bondgraph.correct.models.typical import typical_inputs
+from bondgraph.correct.off_constants import with_off_constants
 from bondgraph.correct.places.structure import Structure, everywhere, structure
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, without_events
+from bondgraph.correct.progress import Decision, OffConstant, Progress, advance, reduced_to, without_events
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
@@ -47,7 +49,7 @@ from bondgraph.correct.together import two_laws
 from bondgraph.correct.verdict import Verdict, unproven, verdict
 from bondgraph.correct.wandering import explained_at_random
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import with_bounds, with_values, without_input_rates
+from bondgraph.declare.editing import without_input_rates
 from bondgraph.declare.effect import EffectFunction, members_of
 from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.sensors import SENSOR_FAULTS
@@ -96,7 +98,8 @@ class ClosedLoop:
     ``confirmation`` is what the logs say of the correction, None where nothing was added. ``events`` act in part of one
     log; they are no part of the corrected declaration, and their sizes are those of ``eventful``, the fit with them.
     ``disturbances`` wander at random; the corrected declaration has them as states that noise drives. ``held`` are
-    inputs that are held between samples in both models, against the declaration.
+    inputs that are held between samples in both models, against the declaration. ``constants`` are given ones that are
+    off: the corrected model has them as estimated.
     """
 
     verdict: Verdict
@@ -123,6 +126,7 @@ class ClosedLoop:
     eventful: Fit | None = None
     disturbances: tuple[Disturbance, ...] = ()
     held: tuple[str, ...] = ()
+    constants: tuple[OffConstant, ...] = ()
 
     def __repr__(self) -> str:
         name, added = self.nominal_built.graph.name, few([one.trial.candidate.label for one in self.added])
@@ -263,6 +267,10 @@ def _rounds(
             if pair is not None:
                 state, rounds = pair[0], [*rounds[:-1], *pair[1]]
                 continue
+            off = with_off_constants(state, turn, own)
+            if off is not state:
+                state = off
+                continue
             if turn.chosen is None:
                 further = "further " if state.added else ""
                 passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
@@ -307,7 +315,7 @@ def _result(
     assert last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
-    corrected_built, undeclared = _corrected(state)
+    corrected_built, undeclared = corrected(state)
     report("assess", 0, 1)
     every = [
         Added(one, one.candidate.effect.parameters, rest.completes.get(one.candidate.label, "")) for one in state.added
@@ -324,13 +332,13 @@ def _result(
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
     disturbed = _disturbed(state, holdout, settings) if added and random else None
-    logs = confirmation(nominal, current, before, after, disturbed) if every else None
+    logs = confirmation(nominal, current, before, after, disturbed) if every or state.constants else None
     doubted = unproven(rounds, settings.level)
     result = ClosedLoop(
         *verdict(added, random, rest.unexplained, residual, settings.level, reason, logs, doubted), nominal, current,
         before[0], before[1], after[0], after[1], begun.built, corrected_built, added, tuple(rounds), told, first, last,
         residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit, random,
-        begun.held,
+        begun.held, state.constants,
     )  # fmt: skip
     report("assess", 1, 1)
     return result
@@ -346,24 +354,11 @@ def _disturbed(state: Progress, holdout: Sequence[MatchedLog], settings: LoopSet
     return attempted(assessed, lambda why: None)
 
 
-def _corrected(state: Progress) -> tuple[BuiltModel, tuple[str, ...]]:
-    """The corrected model with its estimated values, and the states whose starts no declaration can say.
-
-    Starts are declared where fits had them from sensors and from other states; another rule says them by itself.
-    """
-    current = state.fit
-    built = build(with_values(with_bounds(state.built.graph, _widened(current)), _model_values(current)))
-    if current.problem.initial != "measured":
-        return built, ()
-    paths = [run.filtered_mean for run in current.runs(state.train)]
-    return with_declared_starts(built, current.problem.filter_model.follows, state.train, paths)
-
-
 def _eventless(start: Progress, state: Progress) -> Progress:
     """The state without events; where nothing else was added, the declared model as it was fitted."""
     if len(state.laws) == len(state.added):
         return state
-    if state.laws:
+    if state.laws or state.constants:
         return without_events(state)
     return replace(start, history=state.history)
 
@@ -385,16 +380,3 @@ def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Seque
         raise DataError(f"{graph.name}: no training log - give at least one with --data")
     if not functions:
         raise OptionError(f"{graph.name}: no effect to try - give a module with effect functions")
-
-
-def _model_values(fitted: Fit) -> dict[str, float]:
-    return {
-        parameter.name: fitted.values[parameter.name]
-        for parameter in fitted.problem.free
-        if parameter.target.kind == "parameter"
-    }
-
-
-def _widened(fitted: Fit) -> dict[str, tuple[float, float]]:
-    """Bounds of coefficients as the search left them: it may have gone beyond those that scaled it."""
-    return {one.name: (one.lower, one.upper) for one in fitted.problem.free if one.widens}

@@ -38,15 +38,29 @@ from bondgraph.estimate.problem import EstimationProblem
 class Decision:
     """One decision: its round, what was done, and why.
 
-    ``action`` is ``"added"``, ``"own form"`` (what was added became a part of a law), ``"simplified"`` (a simpler law
-    took its place), ``"replaced"`` (a rival did), ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``,
-    ``"disturbance"`` or ``"stopped"``.
+    ``action`` is ``"added"``, ``"given constant"`` (one that is off explains as much as a law), ``"own form"`` (what
+    was added became a part of a law), ``"simplified"`` (a simpler law took its place), ``"replaced"`` (a rival did),
+    ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``, ``"disturbance"`` or ``"stopped"``.
     """
 
     round: int
     action: str
     what: str
     why: str
+
+
+@dataclass(frozen=True)
+class OffConstant:
+    """A given constant that is free after all: its name and the value that was given, in the unit of the model.
+
+    ``law`` is the label of the best law that it explains as much as. ``others`` are constants each of which would do as
+    well in its place.
+    """
+
+    name: str
+    given: float
+    law: str
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -57,7 +71,7 @@ class Progress:
     model, and the logs know their times. ``check`` says what halved steps would change at the fit.
     ``banned`` are effects that were dropped, by function and place: they are not offered again. ``held`` are inputs
     that what was added shows to be held between samples: all begins anew with these, or with straight lines where it
-    shows ``straight`` ones to be likelier than held inputs.
+    shows ``straight`` ones to be likelier than held inputs. ``constants`` are given ones that are free after all.
     """
 
     declared: BondGraph
@@ -70,6 +84,7 @@ class Progress:
     check: Check | None = None
     held: HeldAfterAll | None = None
     straight: bool = False
+    constants: tuple[OffConstant, ...] = ()
 
     @property
     def anew(self) -> bool:

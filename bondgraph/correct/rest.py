@@ -10,6 +10,7 @@ import numpy as np
 
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.given import beside_given
 from bondgraph.correct.evidence.moves import smallness
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, candidates, places
@@ -33,7 +34,7 @@ from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
 from bondgraph.correct.shapes.formula import formula_of, is_long
 from bondgraph.correct.simpler import in_one_law, in_simpler_laws
-from bondgraph.correct.small_rests import least_beside, too_small
+from bondgraph.correct.small_rests import as_well, least_beside, too_small
 from bondgraph.correct.wandering import with_disturbance
 
 #: Functions without a law are tried at so many places.
@@ -92,7 +93,7 @@ def _still_standing(before: Progress, after: Progress, settings: RoundSettings) 
 
 
 def _small(state: Progress, found: Unexplained, settings: RoundSettings) -> str:
-    """A sentence on a function that moves the sensors too little to be told; empty for one that is not small.
+    """A sentence on a function that is too small to be told, or no more than given constants explain; empty otherwise.
 
     Of stiff models every function is told: the fit with it is costly.
     """
@@ -104,7 +105,10 @@ def _small(state: Progress, found: Unexplained, settings: RoundSettings) -> str:
         return ""
     small = smallness(state.fit, trial.fit, least_beside(state.laws, found.gain))
     what = f"an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
-    return too_small(f"{what} gains {found.gain:.1f} nats", small) if small else ""
+    if small:
+        return too_small(f"{what} gains {found.gain:.1f} nats", small)
+    given = beside_given(trial, _context(state, settings)).given
+    return as_well(f"{what}, that gains {found.gain:.1f} nats", given) if given else ""
 
 
 def at_random(rest: Rest, settings: RoundSettings) -> Progress:
@@ -220,7 +224,8 @@ def _with_table(state: Progress, found: Unexplained, number: int, settings: Roun
 
 def _tabulated(made: Candidate, state: Progress, found: Unexplained, settings: RoundSettings) -> Trial:
     """The refit of a state with a function as a table."""
-    context = Context(
-        state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal
-    )  # fmt: skip
-    return refit_from(Trial(made, found.gain), [float(value) for value in found.values], context)
+    return refit_from(Trial(made, found.gain), [float(value) for value in found.values], _context(state, settings))
+
+
+def _context(state: Progress, settings: RoundSettings) -> Context:
+    return Context(state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal)

@@ -46,6 +46,10 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             }
             for one in closed.disturbances
         ],
+        "given_constants": [
+            {"name": one.name, "given": number(one.given), "law": one.law, "others": list(one.others)}
+            for one in closed.constants
+        ],
         "events": [_event(added, closed.eventful or closed.corrected) for added in closed.events],
         "alternatives": _alternatives(closed),
         "refused": [

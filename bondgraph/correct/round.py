@@ -19,6 +19,7 @@ from bondgraph.correct.evidence.bounds import beyond_bounds
 from bondgraph.correct.evidence.confirm import confirmed, transferred
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose, detectable, hurdle
+from bondgraph.correct.evidence.given import beside_given
 from bondgraph.correct.evidence.noise_split import split_again
 from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.resolved import resolved
@@ -255,7 +256,7 @@ def _looked_at(best: Trial, context: Context, lost: float) -> tuple[Trial, float
     """The trial with its noise split anew and steps that resolve it, and after costlier looks as long as it passes."""
     sure, further = resolved(split_again(best, context), context), 0.0
     sure = sure if sure is best else _less(sure, lost)
-    for look_again in (confirmed, transferred, beyond_bounds):
+    for look_again in (confirmed, transferred, beyond_bounds, beside_given):
         before = sure.evidence
         if before is None or not before.accepted(context.level):
             break

@@ -64,3 +64,15 @@ def too_small(what: str, small: str) -> str:
         f"what is left is too small for a name: {what}, but {small}, and the form of a law, a given constant or a "
         "sensor may leave as much"
     )
+
+
+def as_well(what: str, given: str) -> str:
+    """A sentence on what is left, and the given constants that explain it as well.
+
+    Examples
+    --------
+    >>> print(as_well("a flow that gains 21 nats", "J = 0.5 kg m^2 (+4 %)"))
+    what is left has no name: given constants that are slightly off explain as much as a flow that gains 21 nats, \
+J = 0.5 kg m^2 (+4 %)
+    """
+    return f"what is left has no name: given constants that are slightly off explain as much as {what}, {given}"

@@ -8,6 +8,7 @@ from typing import Any
 
 from bondgraph.correct.cautions import resting
 from bondgraph.correct.constants import LEVEL
+from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
@@ -30,7 +31,7 @@ from bondgraph.report.tables import error_table, power_table, text_of
 from bondgraph.report.tried import tried
 from bondgraph.report.unknown import shape_sentence
 from bondgraph.report.words import law_title
-from bondgraph.text import few, inflected, sentence
+from bondgraph.text import few, inflected, number, sentence
 
 
 def report_data(
@@ -118,7 +119,22 @@ _AS_A_TABLE = " As a table whose points are estimated it can be added: --tables,
 
 def explanation(closed: ClosedLoop) -> str:
     """The verdict in a few sentences."""
-    return " ".join((_explained(closed), *(f"{one}." for one in closed.disturbances), *worse_simulated(closed)))
+    return " ".join(
+        (_explained(closed), *_off(closed), *(f"{one}." for one in closed.disturbances), *worse_simulated(closed))
+    )
+
+
+def _off(closed: ClosedLoop) -> list[str]:
+    """A sentence for each given constant that is off, with those that would do as well in its place."""
+    fitted, model, said = closed.corrected, closed.corrected_built.model, []
+    for one in closed.constants:
+        info = model.parameters[model.index("parameter", one.name)]
+        unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
+        told = f"{value_text(fitted, one.name)} fits better than the given {number(info.shown(one.given))}{unit}"
+        others = f" (or {few(list(one.others))} is, which these data do not tell apart)" if one.others else ""
+        as_much = f", and explains as much as {law_title(one.law)} would"
+        said.append(f"The given {one.name} seems to be off{others}: {told}{as_much}.")
+    return said
 
 
 def _explained(closed: ClosedLoop) -> str:

@@ -18,7 +18,7 @@ _FAR = 2.0
 
 def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     """The answer of the logs to what was added, with its numbers."""
-    added = "correction" if closed.added else "disturbance"
+    added = _added(closed)
     what = {
         "confirmed": f"The held-out logs confirm the {added}",
         "contradicted": f"The logs contradict the {added}",
@@ -31,6 +31,13 @@ def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     against = [f"{one}; " for one in told.contradictions if "log-likelihood" not in one]
     said = f"{what}: {''.join(against)}{_changed(told)} ({how}); {noise}. Held-out logs decided nothing."
     return said if told.contradictions else f"{said}{_wandering(closed) or _far_off(closed, told)}"
+
+
+def _added(closed: ClosedLoop) -> str:
+    """The word for what was added."""
+    if closed.added:
+        return "correction"
+    return "estimated constants" if closed.constants and not closed.disturbances else "disturbance"
 
 
 def _changed(told: Confirmation) -> str:
@@ -51,7 +58,7 @@ def worse_simulated(closed: ClosedLoop) -> list[str]:
     worse = clearly_worse(closed)
     if not worse or closed.verdict == "effect not confirmed":
         return []
-    what = "correction" if closed.added else "disturbance"
+    what = _added(closed)
     return [f"Free simulation of the held-out logs is worse with the {what}: {few(worse)}."]
 
 

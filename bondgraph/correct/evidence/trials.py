@@ -43,7 +43,8 @@ class Trial:
     ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
     ``simplifies``: the law of more coefficients whose place it took at the end, if it did. ``rivals``: laws that do as
     well in its place beside what was found after it. ``words_for``: the law that a formula says in other words.
-    ``small``: how little it moves the sensors, where that is too little for a name.
+    ``small``: how little it moves the sensors, where that is too little for a name. ``given``: the given constants that
+    explain as much, with the values they would have, if there are any.
     ``remark``: sizes that were left out, if any. ``failed``: why its score, its refit or a second look at that could
     not be made, if so; it cannot be chosen on what is missing then.
     """
@@ -67,6 +68,7 @@ class Trial:
     words_for: str = ""
     rivals: tuple[str, ...] = ()
     small: str = ""
+    given: str = ""
 
     @property
     def transfers(self) -> bool:

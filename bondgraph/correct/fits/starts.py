@@ -53,7 +53,7 @@ def with_starts(fitted: Fit, journal: Journal | None = None) -> Fit:
         found = fit(wider, starts=[point], journal=journal)
     except EstimationError:
         return fitted
-    return found if fitted.nll - found.nll - _width(found, own) > _CLEAR else fitted
+    return found if fitted.nll - found.nll - posterior_width(found, own) > _CLEAR else fitted
 
 
 def _starts(problem: EstimationProblem) -> tuple[FreeParameter, ...]:
@@ -100,7 +100,7 @@ def _searched(problem: EstimationProblem, point: FloatArray, count: int) -> Floa
     return found
 
 
-def _width(fitted: Fit, own: tuple[FreeParameter, ...]) -> float:
-    """Nats by which starts that are estimated seem better than those that are integrated over."""
+def posterior_width(fitted: Fit, own: tuple[FreeParameter, ...]) -> float:
+    """Nats by which free parameters with a prior seem better estimated than integrated over."""
     std = fitted.std
     return sum(float(np.log(one.prior_std / min(std[one.name], one.prior_std))) for one in own if one.prior_std)

@@ -1,0 +1,95 @@
+"""Given constants as rivals of a law: what a number that is slightly off explains is no law."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import pytest
+
+from bondgraph import effects
+from bondgraph.correct.constants import TOLERANCE
+from bondgraph.correct.evidence.given import beside_given, given_constants, promising
+from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.correct.result import result_json
+from bondgraph.declare.editing import with_values
+from bondgraph.estimate.fitted import Fit, at_optimum
+from bondgraph.estimate.local import fit
+from bondgraph.report.closed_loop import explanation
+from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
+
+
+@functools.cache
+def closed_on(mass: float, drag: float = 0.0) -> ClosedLoop:
+    """The loop on a sled of another mass than declared, 40 kg, which is given."""
+    true = with_values(added(effects.quadratic_loss, "runner", drag), {"m_sled": mass})
+    return close_loop(sled(), [pull(true, 8, samples=4000)], [], FUNCTIONS)
+
+
+@functools.cache
+def sled_fit() -> Fit:
+    return fitted([pull(sled(), 3)])
+
+
+def test_a_mass_three_percent_off_is_no_law() -> None:
+    closed = closed_on(41.2)
+    assert not closed.added and closed.verdict == "no missing effect"
+    best = max((one for one in closed.rounds[0].trials if one.given), key=lambda one: one.gain)
+    assert best.evidence is not None and best.gain > 15.0 and best.evidence.bic_gain > 0.0
+    assert best.evidence.p_value < 0.01  # it passes what does not ask for constants
+    assert "m_sled = 41." in best.given and best.given in best.remark
+    (off,) = closed.constants
+    assert (off.name, off.given) == ("m_sled", 40.0)
+    assert closed.corrected.values["m_sled"] == pytest.approx(41.2, abs=4.0 * closed.corrected.std["m_sled"])
+    assert closed.corrected.nll < closed.nominal.nll - 15.0
+    assert "The given m_sled seems to be off: 41.2 kg" in explanation(closed)
+    assert f"fits better than the given 40 kg, and explains as much as {off.law} would" in explanation(closed)
+    (told,) = [one for one in closed.history if one.action == "given constant"]
+    assert told.what == "m_sled" and best.candidate.label in told.why
+    (mass,) = [one for one in closed.corrected_graph.parameters if one.name == "m_sled"]
+    assert mass.value == closed.corrected.values["m_sled"] and mass.bounds is None
+    assert result_json(closed)["given_constants"] == [{"name": "m_sled", "given": 40.0, "law": off.law, "others": []}]
+
+
+def test_a_law_beside_a_mass_that_is_off_has_no_companion() -> None:
+    closed = closed_on(41.2, drag=1.0)
+    assert [one.trial.candidate.label for one in closed.added] == ["quadratic_loss at runner"]
+    assert [one.name for one in closed.constants] == ["m_sled"]
+    drag = closed.added[0].coefficients[0]
+    assert closed.corrected.values[drag] == pytest.approx(1.0, abs=4.0 * closed.corrected.std[drag])
+
+
+def test_a_load_beyond_the_tolerance_is_found() -> None:
+    closed = closed_on(52.0)
+    assert [one.trial.candidate.effect.name for one in closed.added] == ["added_inertia"] and not closed.constants
+
+
+def test_given_constants_are_those_that_no_fit_moves() -> None:
+    base = sled_fit()
+    found = {one.name: one for one in given_constants(base)}
+    assert set(found) == {"r_drum", "m_sled"}  # the friction of the guide has bounds
+    mass = found["m_sled"]
+    assert (mass.lower, mass.start, mass.upper) == pytest.approx((36.0, 40.0, 44.0))
+    assert mass.prior_mean == 40.0 and mass.prior_std == pytest.approx(0.5 * TOLERANCE * 40.0)
+
+
+def test_right_constants_promise_nothing() -> None:
+    """Of a sled that is as declared no constant promises more than chance gives it."""
+    given = promising(sled_fit())
+    assert given.promise < 5.0
+
+
+def test_a_promise_is_what_a_fit_keeps() -> None:
+    """The step of the expansion against the fit with the constant free: both to second order in three percent."""
+    true = with_values(sled(), {"m_sled": 40.8})
+    base = fitted([pull(true, 5, samples=2000)])
+    given = promising(base)
+    assert "m_sled" in {one.name for one in given.constants}
+    free = fit(replace(base.problem, free=(*at_optimum(base), *given.constants)))
+    assert given.promise == pytest.approx(base.nll - free.nll, rel=0.5)
+    assert free.values["m_sled"] == pytest.approx(40.8, abs=4.0 * free.std["m_sled"])
+
+
+def test_what_was_not_refitted_is_left_as_it_is() -> None:
+    bare = replace(closed_on(41.2).rounds[0].trials[0], fit=None)
+    assert beside_given(bare, None) is bare  # type: ignore[arg-type]
