@@ -355,5 +355,6 @@ def _transfer(told: Transfer) -> dict[str, Any]:
         "fold_error": number(told.fold_error),
         "p_value": number(told.p_value),
         "folds": [{"fold": name, "delta_nll": number(gain)} for name, gain in zip(told.folds, told.gains, strict=True)],
+        "untested": list(told.untested),
         "worse": [str(one) for one in told.compared if one.clearly],
     }

@@ -110,7 +110,8 @@ def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
         return ()
     folds = "; ".join(f"{name}: {gain:+.3g}" for name, gain in zip(told.folds, told.gains, strict=True))
     whole = f"{shown(told.gain)} ± {shown(told.error)} nats ({p_text(told.p_value)})"
-    return ("transfer to data left out", whole), ("transfer by fold, nats", folds)
+    alone = [("no fold, since it alone tells most of it", "; ".join(told.untested))] if told.untested else []
+    return ("transfer to data left out", whole), ("transfer by fold, nats", folds), *alone
 
 
 #: Advice where something is a function of a signal that nothing explains.

@@ -8,7 +8,9 @@ without a fold lies one Newton step away, by the scores and the Fisher informati
     x - (I - I_f)^-1 (g - g_f).
 
 What one fold tells of other parameters than the effect's, and the rest hardly, stays as it is: without the launch that
-closes a clutch nothing is known of the clutch, and the launch cannot be predicted with any law.
+closes a clutch nothing is known of the clutch, and the launch cannot be predicted with any law. A fold that tells more
+of the effect itself than all others together is no test of it: the largest current of a choke, seen once, asks the rest
+to extrapolate, and there the forms of two laws part that are alike elsewhere. What it gains does not count.
 
 Reference: Rad and Maleki (2020), J. Royal Stat. Soc. B 82(4); Giordano, Stephenson, Liu, Jordan and Broderick (2019),
 AISTATS, for approximate cross-validation. The gain over all folds must be above zero by more than its scatter over
@@ -34,7 +36,7 @@ from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
 from bondgraph.estimate.fitted import Fit
-from bondgraph.estimate.objective import Terms, expansion_of
+from bondgraph.estimate.objective import BoolArray, Terms, expansion_of
 from bondgraph.estimate.symmetric import scaled_eigen
 
 #: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.
@@ -60,6 +62,7 @@ class Transfer:
 
     ``gains``: in nats by fold; their sum is ``gain``, with its standard ``error`` by blocks of time and ``p_value``;
     ``fold_error`` is that by folds. ``compared``: predictions over the horizon, without the effect and with it.
+    ``untested`` are folds that tell most of the effect; they are none of ``folds``.
     """
 
     folds: tuple[str, ...]
@@ -68,6 +71,7 @@ class Transfer:
     fold_error: float
     p_value: float
     compared: tuple[Compared, ...] = ()
+    untested: tuple[str, ...] = ()
 
     @property
     def gain(self) -> float:
@@ -97,14 +101,18 @@ def transfer(base: Fit, refit: Fit, effect: Effect) -> Transfer:
     cut = folds(logs)
     without, with_it = left_out(base, cut, ()), left_out(refit, cut, effect.coefficients)
     series = with_it.likelihoods - without.likelihoods
-    gains = tuple(float(series[rows].sum()) for rows in _rows(logs, cut))
-    blocks = term_times(refit.problem).block
-    sums = summed(series[:, np.newaxis], blocks, int(blocks.max()) + 1)[:, 0]
+    tested = np.flatnonzero(with_it.tested)
+    kept, rows = [cut[k] for k in tested], [_rows(logs, cut)[k] for k in tested]
+    gains = tuple(float(series[one].sum()) for one in rows)
+    seen = np.concatenate([np.arange(one.start, one.stop) for one in rows])
+    _, blocks = np.unique(term_times(refit.problem).block[seen], return_inverse=True)
+    sums = summed(series[seen, np.newaxis], blocks, int(blocks.max()) + 1)[:, 0]
     error = float(np.std(sums, ddof=1)) * math.sqrt(sums.size)
     fold_error = float(np.std(gains, ddof=1)) * math.sqrt(len(gains))
     p_value = float(stats.t.sf(sum(gains) / error, sums.size - 1)) if error > 0.0 and math.isfinite(error) else 1.0
-    names = tuple(one.name for one in cut)
-    return Transfer(names, gains, error, fold_error, p_value, _ahead(base, refit, without.points, with_it.points, cut))
+    ahead = _ahead(base, refit, without.points[:, tested], with_it.points[:, tested], kept)
+    untested = tuple(one.name for one in cut if one not in kept)
+    return Transfer(tuple(one.name for one in kept), gains, error, fold_error, p_value, ahead, untested)
 
 
 def folds(logs: Sequence[MatchedLog]) -> tuple[Fold, ...]:
@@ -140,11 +148,13 @@ class LeftOut:
     """Where a fit would be without each fold, and how it predicts that fold there.
 
     ``points`` (n, folds); ``likelihoods`` (samples,) of each sample but for their constants, at the point made without
-    its fold.
+    its fold; ``tested`` (folds,): which folds can be predicted, since the others tell as much of the effect. All where
+    fewer than two can.
     """
 
     points: FloatArray
     likelihoods: FloatArray
+    tested: BoolArray
 
 
 def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> LeftOut:
@@ -159,10 +169,12 @@ def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> L
     points = np.repeat(fitted.point[:, np.newaxis], len(cut), axis=1)
     zero = np.zeros(points.shape, dtype=bool)
     of_effect = [problem.names.index(name) for name in coefficients]
+    tested = np.ones(len(cut), dtype=bool)
     for k in range(len(cut)):
         rest = of_term != k
         left = expansion_of(terms.innovations[rest], terms.log_scales[rest], 0)
         along = _told_elsewhere(fitted, left.information, of_effect)
+        tested[k] = _tells_as_much(fitted, left.information, of_effect)
         step = -along @ solve(along.T @ left.information @ along, along.T @ left.gradient[:, np.newaxis])[:, 0]
         points[:, k] = np.clip(fitted.point + step, problem.lower, problem.upper)
         known = np.diag(left.information) >= _NOTHING * np.diag(fitted.expansion.information)
@@ -173,7 +185,27 @@ def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> L
     found = np.empty(series.shape[0])
     for k, rows in enumerate(_rows(problem.logs, cut)):
         found[rows] = series[rows, k]
-    return LeftOut(points, found)
+    return LeftOut(points, found, tested if tested.sum() > 1 else np.ones_like(tested))
+
+
+def _tells_as_much(fitted: Fit, without: FloatArray, of_effect: Sequence[int]) -> bool:
+    """True where all but a fold tell as much of an effect as that does, beside what they tell of other parameters."""
+    free = np.flatnonzero(~fitted.held)
+    own = np.isin(free, of_effect)
+    if not own.any():
+        return True
+    whole, left = (_beside_others(one[np.ix_(free, free)], own) for one in (fitted.expansion.information, without))
+    found = scaled_eigen(whole)
+    seen = found.values > _NOTHING * found.largest
+    white = found.scale[:, np.newaxis] * found.vectors[:, seen] / np.sqrt(found.values[seen])
+    return bool(np.linalg.eigvalsh(white.T @ left @ white).min(initial=1.0) >= 0.5)
+
+
+def _beside_others(information: FloatArray, own: BoolArray) -> FloatArray:
+    """The information of some coordinates with the others free, too: its Schur complement."""
+    mixed = information[np.ix_(~own, own)]
+    schur: FloatArray = information[np.ix_(own, own)] - mixed.T @ solve(information[np.ix_(~own, ~own)], mixed)
+    return schur
 
 
 def _told_elsewhere(fitted: Fit, without: FloatArray, of_effect: Sequence[int]) -> FloatArray:
