@@ -15,11 +15,23 @@ from bondgraph.report.words import law_title
 
 
 def headline_name(closed: ClosedLoop, added: Added) -> str:
-    """An added law as a headline names it: a formula is written, a law of the dictionary called by its name."""
+    """An added law as a headline names it: a formula is written, a law of the dictionary called by its name.
+
+    Of a law that has a form of its own it is said how far that is from its name.
+    """
     formula = formula_of(added.trial.candidate.function)
-    if formula is None or added.trial.forms:
+    if added.trial.forms:
+        own, away = law_title(named(added, closed.corrected)), _percent_away(added, closed)
+        return f"{own} in a form of its own{f', {away} % from it' if away else ''}"
+    if formula is None:
         return law_title(named(added, closed.corrected))
     return f"a formula at {formula.place.label} ({formula.text(closed.corrected.values)})"
+
+
+def _percent_away(added: Added, closed: ClosedLoop) -> int:
+    """How far a form of its own is from the law that names it, in percent; none where nobody can say."""
+    away = departs(added, closed)
+    return 0 if away is None else round(100.0 * away)
 
 
 def formula_sentences(closed: ClosedLoop) -> list[str]:
@@ -48,11 +60,10 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
     law = added.trial
     if not law.forms:
         return ""
-    text, away = form_text(added, closed), departs(added, closed)
+    text, share = form_text(added, closed), _percent_away(added, closed)
     said = f"{law_title(law.candidate.label)} has a form of its own: "
     said += text or " and ".join(f"{law_title(one.candidate.effect.name)} ({_law(closed, one)})" for one in law.forms)
     first = law.forms[0].candidate.effect.name
-    share = 0 if away is None else round(100.0 * away)
     far = f"; over the logs no {law_title(first)} comes nearer to it than {share} %" if share else ""
     return f"{said}{far}."
 

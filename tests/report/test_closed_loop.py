@@ -8,15 +8,20 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
+import pytest
 
-from bondgraph.correct.loop import ClosedLoop
+from bondgraph import effects
+from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.places.structure import Structure
 from bondgraph.correct.places.unexplained import Unexplained
+from bondgraph.correct.shapes.forms import joined
 from bondgraph.declare.effect import Place, Scale
-from bondgraph.report.closed_loop import structure_lines, summary
+from bondgraph.report.closed_loop import explanation, structure_lines, summary
+from bondgraph.report.formulas import headline_name
 from bondgraph.report.html import write_report
 from bondgraph.report.series import Power
 from bondgraph.report.unknown import shape_sentence
+from tests.correct.sled import added, pull, sled
 from tests.report.examples import coast_down_report
 
 
@@ -52,6 +57,21 @@ def test_an_unknown_function_is_told_with_the_units_of_both() -> None:
     assert "flow out of the junction" in shape_sentence(replace(found, variable="flow"))
     bare = replace(found, signal="slip", signal_unit="", unit="", taken=("k",))
     assert "sensor way over slip, less what k can take of it: " in shape_sentence(bare)
+
+
+def test_a_form_of_its_own_is_named_with_how_far_it_is_from_its_name() -> None:
+    """A headline called a sum of a dead zone, three powers and a clip "actuator_dead_zone", and no more."""
+    log = pull(added(effects.quadratic_loss, "runner", 1.0), 8, samples=1000)
+    closed = close_loop(sled(), [log], [], (effects.quadratic_loss,))
+    (found,) = closed.added
+    assert headline_name(closed, found) == "quadratic_loss at runner"
+    whole = replace(found, trial=joined(found.trial, found.trial))  # twice the same is the same curve
+    assert headline_name(closed, whole) == "quadratic_loss at runner in a form of its own"
+    far = replace(closed, added=(whole,))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bondgraph.report.formulas.departs", lambda added, closed: 0.118)
+        said = "The declared model lacks quadratic_loss at runner in a form of its own, 12 % from it"
+        assert explanation(far).startswith(said)
 
 
 def test_outputs_that_add_elements_of_one_junction_are_told_with_the_structure() -> None:
