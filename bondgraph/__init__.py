@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from bondgraph.data.log import MatchedLog as MatchedLog
     from bondgraph.data.matching import match as match
     from bondgraph.data.read import read_log as read_log
+    from bondgraph.data.select import split_at_gaps as split_at_gaps
     from bondgraph.data.write import write_log as write_log
     from bondgraph.declare.domains import CHEMICAL as CHEMICAL
     from bondgraph.declare.domains import ELECTRICAL as ELECTRICAL
@@ -65,6 +66,7 @@ else:
             "data.log": "Log LogChannel MatchedLog",
             "data.matching": "match",
             "data.read": "read_log",
+            "data.select": "split_at_gaps",
             "data.write": "write_log",
             "declare.domains": "CHEMICAL ELECTRICAL HYDRAULIC ROTATION THERMAL TRANSLATION",
             "declare.files": "read_graph write_graph",

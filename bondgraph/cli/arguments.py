@@ -20,6 +20,7 @@ from bondgraph.cli.log_options import (
     LOGS_HELP,
     add_between,
     add_fmu_units,
+    add_gaps,
     add_map,
     add_reading,
     add_set,
@@ -321,6 +322,7 @@ def _add_given(command: argparse.ArgumentParser) -> None:
     add_map(command)
     add_reading(command)
     add_window(command)
+    add_gaps(command)
     add_between(command)
     add_set(command, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
 

@@ -10,6 +10,7 @@ from bondgraph.cli.log_options import (
     LOGS_HELP,
     add_between,
     add_fmu_units,
+    add_gaps,
     add_map,
     add_reading,
     add_set,
@@ -45,6 +46,7 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     add_reading(c)
     add_fmu_units(c)
     add_window(c)
+    add_gaps(c)
     add_between(c)
     add_set(c, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
     add_start(c)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from bondgraph.cli.log_options import add_between, add_map, add_reading, add_set, add_start, add_window
+from bondgraph.cli.log_options import add_between, add_gaps, add_map, add_reading, add_set, add_start, add_window
 from bondgraph.execute.executors import add_executor
 
 
@@ -70,6 +70,7 @@ def design_options(command: argparse.ArgumentParser, model_help: str) -> None:
     add_map(command)
     add_reading(command)
     add_window(command)
+    add_gaps(command)
     add_between(command)
     add_set(command, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
     add_start(command)

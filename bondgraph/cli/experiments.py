@@ -12,7 +12,7 @@ from dataclasses import replace
 from bondgraph.build import BuiltModel, build
 from bondgraph.cli.between import inputs_between
 from bondgraph.cli.folders import answer_folder
-from bondgraph.cli.given_logs import read_given
+from bondgraph.cli.given_logs import read_given, read_parts
 from bondgraph.cli.knowledge import posed
 from bondgraph.cli.runs import model_and_logs, provenance
 from bondgraph.cli.values import assignments, names, set_values
@@ -147,7 +147,7 @@ def _machine(options: argparse.Namespace, reference: str, workers: Executor | No
     graph, given = set_values(inputs_between(load_graph(reference), options), options.set)
     built = build(graph)
     mapping = read_mapping(options.map)
-    logs = [match(read_given(path, options), built.model, mapping, given) for path in options.data]
+    logs = [match(log, built.model, mapping, given) for path in options.data for log in read_parts(path, options)]
     wanted = [name for name in names(options.free) if name in built.model.names("parameter") or "(" in name]
     if not logs:
         model = built.model

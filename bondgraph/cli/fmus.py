@@ -11,7 +11,7 @@ import numpy as np
 
 from bondgraph.cli.between import ways_between
 from bondgraph.cli.folders import answer_folder
-from bondgraph.cli.given_logs import read_given, units_by_column
+from bondgraph.cli.given_logs import read_given, read_parts, units_by_column
 from bondgraph.cli.printing import say
 from bondgraph.cli.tables import give_table
 from bondgraph.cli.values import assignments, initial
@@ -55,7 +55,7 @@ def simulate_fmu(options: argparse.Namespace) -> int:
         raise OptionError(
             f"{options.graph}: an FMU is simulated along a log - give it with --inputs", where=("--inputs",)
         )
-    fmu, log = _fed(options, options.graph, options.inputs)
+    fmu, log = _fed(options, options.graph, read_given(options.inputs, options))
     values = {**initial(options.initial), **assignments(options.set, "--set")}
     run = _run(fmu, log, options, values, options.rtol)
     unused = [name for name in log.channels if name not in {one.name for one in (*fmu.inputs, *fmu.parameters)}]
@@ -71,7 +71,7 @@ def simulate_fmu(options: argparse.Namespace) -> int:
 def compare_fmu(options: argparse.Namespace) -> int:
     """Lay an FMU over logs."""
     folder = answer_folder(options)
-    runs = [_compared(options, path) for path in options.data]
+    runs = [_compared(options, log) for path in options.data for log in read_parts(path, options)]
     compared = Compared(read_fmu(options.model).name, tuple(runs), ())
     write_comparison(compared, folder)
     say(comparison_text(compared))
@@ -79,7 +79,8 @@ def compare_fmu(options: argparse.Namespace) -> int:
     return 0
 
 
-def _fed(options: argparse.Namespace, path: str, data: str) -> tuple[Fmu, Log]:
+def _fed(options: argparse.Namespace, path: str, read: Log) -> tuple[Fmu, Log]:
+    """An FMU in the units that a log and the options tell, and the log with its names."""
     if options.start == "settled":
         raise OptionError(
             "--start settled is not for an FMU: where it comes to rest is not known; its states start as it declares, "
@@ -87,7 +88,7 @@ def _fed(options: argparse.Namespace, path: str, data: str) -> tuple[Fmu, Log]:
             where=("--start", path),
         )
     fmu = read_fmu(path)
-    log = renamed(read_given(data, options), fmu, read_mapping(options.map))
+    log = renamed(read, fmu, read_mapping(options.map))
     return with_units(fmu, units_by_column(options.fmu_units, "--fmu-units"), log), log
 
 
@@ -105,8 +106,8 @@ def _run(
     return run_fmu(fmu, log, values=values, held=held, rtol=rtol)
 
 
-def _compared(options: argparse.Namespace, data: str) -> ComparedLog:
-    fmu, log = _fed(options, options.model, data)
+def _compared(options: argparse.Namespace, read: Log) -> ComparedLog:
+    fmu, log = _fed(options, options.model, read)
     values = assignments(options.set, "--set")
     inputs = {name: value for name, value in values.items() if name in {one.name for one in fmu.inputs}}
     matched = match(log, fmu, given=inputs)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bondgraph.data.log import Log
 from bondgraph.data.read import read_log
-from bondgraph.data.select import window
+from bondgraph.data.select import split_at_gaps, window
 from bondgraph.errors import OptionError
 
 
@@ -31,6 +31,20 @@ def read_given(path: str | Path, options: argparse.Namespace) -> Log:
     return window(
         log, -math.inf if start is None else start, math.inf if end is None else math.nextafter(end, math.inf)
     )
+
+
+def read_parts(path: str | Path, options: argparse.Namespace) -> tuple[Log, ...]:
+    """The log of :func:`read_given`, or its parts between jumps in time where ``--split-gaps`` asks for them.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or has no samples in the window.
+    OptionError
+        If ``--units`` is written wrongly.
+    """
+    log = read_given(path, options)
+    return split_at_gaps(log) if options.split_gaps else (log,)
 
 
 def units_by_column(options: Sequence[str], option_name: str = "--units") -> dict[str, str]:

@@ -38,6 +38,15 @@ def add_window(command: argparse.ArgumentParser, *, until: bool = True) -> None:
         command.add_argument("--until", type=finite, metavar="T", help="end of what is used of the logs, s")
 
 
+def add_gaps(command: argparse.ArgumentParser) -> None:
+    """Add ``--split-gaps``: logs are cut where their time jumps."""
+    command.add_argument(
+        "--split-gaps", action="store_true",
+        help="cut logs where time jumps by ten times the usual interval, and half a second at least: each part has a "
+        "start of its own, since nobody knows what the inputs did meanwhile",
+    )  # fmt: skip
+
+
 def add_map(command: argparse.ArgumentParser) -> None:
     """Add ``--map``: columns that are called otherwise in the model."""
     command.add_argument(

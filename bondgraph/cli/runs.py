@@ -14,7 +14,7 @@ from bondgraph.build import build
 from bondgraph.cli.between import inputs_between
 from bondgraph.cli.fmus import is_fmu, simulate_fmu
 from bondgraph.cli.folders import answer_folder
-from bondgraph.cli.given_logs import read_given
+from bondgraph.cli.given_logs import read_given, read_parts
 from bondgraph.cli.knowledge import posed, with_values
 from bondgraph.cli.printing import say
 from bondgraph.cli.tables import check_files, give_table
@@ -218,7 +218,7 @@ def _matched(
 ) -> list[MatchedLog]:
     """Logs as the options of a command want them: columns renamed, values set, thinned to a rate."""
     mapping, inputs = read_mapping(options.map), {k: v for k, v in given.items() if k not in model.names("parameter")}
-    read = [match(read_given(path, options), model, mapping, inputs) for path in paths]
+    read = [match(log, model, mapping, inputs) for path in paths for log in read_parts(path, options)]
     logs, rate = with_values(read, model, given), getattr(options, "rate", None)
     return logs if rate is None else [decimate(log, rate) for log in logs]
 

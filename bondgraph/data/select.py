@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from bondgraph.data.log import FloatArray, Log, MatchedLog
+from bondgraph.data.suspicions import gaps
 from bondgraph.errors import DataError
 
 AnyLog = TypeVar("AnyLog", Log, MatchedLog)
@@ -90,6 +92,33 @@ def split(log: AnyLog, fraction: float) -> tuple[AnyLog, AnyLog]:
             where=(log.name,),
         )
     return log.rows(before), log.rows(~before)
+
+
+def split_at_gaps(log: AnyLog) -> tuple[AnyLog, ...]:
+    """The parts of a log between jumps in time, each with a start of its own; the log itself where time never jumps.
+
+    Nobody knows what the inputs did meanwhile, so that no model can lead across. Parts are called after the log,
+    ``run.1`` and so on; one of a single sample is left out.
+
+    Parameters
+    ----------
+    log
+        As read, or matched. A jump is ten times the usual interval, and half a second at least.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> time = np.array([0.0, 0.1, 0.2, 0.3, 5.3, 5.4, 5.5])
+    >>> first, second = bg.split_at_gaps(bg.Log("run", time, {}))
+    >>> first.name, len(first), second.name, second.time.tolist()
+    ('run.1', 4, 'run.2', [5.3, 5.4, 5.5])
+    """
+    ends = gaps(log.time)
+    if not ends.size:
+        return (log,)
+    part = np.searchsorted(ends, np.arange(len(log)), side="left")
+    parts = [log.rows(part == k) for k in range(ends.size + 1)]
+    return tuple(replace(one, name=f"{log.name}.{k}") for k, one in enumerate(parts, start=1) if len(one) > 1)
 
 
 def decimate(log: AnyLog, rate: float) -> AnyLog:

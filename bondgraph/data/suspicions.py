@@ -187,14 +187,10 @@ def time_gaps(time: FloatArray, first_row: int = FIRST_ROW) -> list[str]:
     Examples
     --------
     >>> time_gaps(np.array([0.0, 0.1, 0.2, 0.3, 5.3, 5.4]))
-    ['time jumps from 0.3 s to 5.3 s (row 5 to 6): inputs are carried across as declared, and states drift - split the
-    log there if the machine did something else meanwhile']
+    ['time jumps from 0.3 s to 5.3 s (row 5 to 6): inputs are carried across as declared, and states drift - if the
+    machine did something else meanwhile give --split-gaps, in Python bg.split_at_gaps(log)']
     """
-    intervals = np.diff(time)
-    if intervals.size < 2:
-        return []
-    usual = float(np.median(intervals))
-    found = np.flatnonzero(intervals > max(_GAP_SECONDS, _GAP_INTERVALS * usual))
+    found = gaps(time)
     if not found.size:
         return []
     each = [
@@ -202,9 +198,18 @@ def time_gaps(time: FloatArray, first_row: int = FIRST_ROW) -> list[str]:
     ]
     more = f" and {found.size - _NAMED} more" if found.size > _NAMED else ""
     return [
-        f"time jumps from {', '.join(each)}{more}: inputs are carried across as declared, and states drift - split the "
-        "log there if the machine did something else meanwhile"
+        f"time jumps from {', '.join(each)}{more}: inputs are carried across as declared, and states drift - if the "
+        "machine did something else meanwhile give --split-gaps, in Python bg.split_at_gaps(log)"
     ]
+
+
+def gaps(time: FloatArray) -> npt.NDArray[np.intp]:
+    """Samples (found,) of times (n,) after which time jumps by ten times the usual interval, and half a second."""
+    intervals = np.diff(time)
+    if intervals.size < 2:
+        return np.zeros(0, dtype=np.intp)
+    usual = float(np.median(intervals))
+    return np.flatnonzero(intervals > max(_GAP_SECONDS, _GAP_INTERVALS * usual))
 
 
 def sampling_notes(time: FloatArray, modes: npt.NDArray[np.complex128]) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
-from bondgraph.data.select import decimate, split
+from bondgraph.data.select import decimate, split, split_at_gaps
 from bondgraph.errors import OptionError
 from bondgraph.simulate.model import Model
 
@@ -35,10 +35,12 @@ def training_and_held_out(
     rate: float | None = None,
     given: Mapping[str, float | str] | None = None,
     reader: Callable[[Path | str], Log] = read_log,
+    split_gaps: bool = False,
 ) -> Splits:
     """Read and match logs; without held-out logs the last quarter of each training log is held out, and this is said.
 
-    ``given`` are values of inputs that the logs lack; ``reader`` makes a log of a file.
+    ``given`` are values of inputs that the logs lack; ``reader`` makes a log of a file; with ``split_gaps`` each part
+    between jumps in time is a log of its own.
 
     Raises
     ------
@@ -54,11 +56,12 @@ def training_and_held_out(
             where=("--data", "--holdout"),
         )
 
-    def read(path: Path | str) -> MatchedLog:
-        log = match(reader(path), model, mapping, given)
-        return log if rate is None else decimate(log, rate)
+    def read(path: Path | str) -> list[MatchedLog]:
+        whole = reader(path)
+        logs = [match(log, model, mapping, given) for log in (split_at_gaps(whole) if split_gaps else (whole,))]
+        return logs if rate is None else [decimate(log, rate) for log in logs]
 
-    training, held_out = [read(path) for path in data], [read(path) for path in holdout]
+    training, held_out = ([log for path in paths for log in read(path)] for paths in (data, holdout))
     said = grouped_notes((*training, *held_out))
     if not held_out:
         pairs = [split(log, 0.75) for log in training]

@@ -93,6 +93,24 @@ def test_windows_are_parts_of_logs(machine: Path, capsys: pytest.CaptureFixture[
     assert "no samples from 50 s" in capsys.readouterr().err
 
 
+def test_logs_are_cut_where_time_jumps(machine: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the force did in the gap nobody knows: the second part starts anew, and is simulated from there."""
+    lines = (machine / "run1.csv").read_text().splitlines()
+    (machine / "torn.csv").write_text("\n".join([*lines[:100], *lines[160:]]))
+    command = ["compare", "toboggan.py", "--data", "torn.csv"]
+    assert main(command) == 0
+    assert "if the machine did something else meanwhile give --split-gaps" in capsys.readouterr().err
+    assert main([*command, "--split-gaps", "--out", "parts"]) == 0
+    assert "time jumps" not in capsys.readouterr().err
+    found = json.loads((machine / "parts" / "result.json").read_text())["logs"]
+    assert list(found) == ["torn.1", "torn.2"]
+    log, part = bg.read_log("run1.csv"), bg.read_log("parts/torn.2_simulated.csv")
+    assert part.time[0] == log.time[159]
+    assert part.channel("speed").numbers[0] == pytest.approx(log.channel("speed").numbers[159])
+    assert main(["filter", "toboggan.py", "--data", "torn.csv", "--split-gaps", "--out", "filtered"]) == 0
+    assert (machine / "filtered" / "torn.2_states.csv").exists()
+
+
 def test_a_report_is_written_again_as_it_was(machine: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["filter", "toboggan.py", "--data", "run1.csv", "--out", "filtered", "--until", "4"]) == 0
     page = machine / "filtered" / "report.html"

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 
 from bondgraph.data.log import FloatArray, Log, LogChannel
 from bondgraph.data.matching import match
+from bondgraph.data.select import split_at_gaps
 from bondgraph.data.suspicions import (
     FACTORS,
     agreement,
@@ -121,6 +122,27 @@ def test_a_matched_log_carries_the_note_of_its_gap() -> None:
     time = np.r_[0.0, 0.1, 0.2, 9.0, 9.1]
     channels = {n: LogChannel(n, u, np.ones(5)) for n, u in (("torque", "N m"), ("speed", "m/s"))}
     assert any("time jumps from 0.2 s to 9 s" in note for note in match(Log("run", time, channels), Car()).notes)
+
+
+@given(st.lists(st.integers(2, 30), min_size=1, max_size=5), st.floats(5.0, 500.0))
+def test_parts_between_gaps_hold_every_sample_once(sizes: list[int], jump: float) -> None:
+    steps = np.full(sum(sizes), 0.1)
+    steps[np.cumsum(sizes)[:-1]] = jump
+    time = np.cumsum(steps)
+    log = Log("run", time, {"speed": LogChannel("speed", "m/s", np.arange(time.size, dtype=float))})
+    parts = split_at_gaps(log)
+    if len(sizes) > 1 and np.median(np.diff(time)) < jump / 10.0:
+        assert [len(one) for one in parts] == sizes and parts[0].name == "run.1"
+        assert not any(time_gaps(one.time) for one in parts)
+    np.testing.assert_array_equal(np.concatenate([one.time for one in parts]), time)
+    np.testing.assert_array_equal(np.concatenate([one.channel("speed").numbers for one in parts]), np.arange(time.size))
+
+
+def test_a_single_sample_between_gaps_is_no_log() -> None:
+    time = np.r_[0.1 * np.arange(20), 30.0, 60.0 + 0.1 * np.arange(20)]
+    assert [len(one) for one in split_at_gaps(Log("run", time, {}))] == [20, 20]
+    (same,) = split_at_gaps(Log("run", TIME, {}))
+    assert same.name == "run"
 
 
 @pytest.mark.parametrize(
