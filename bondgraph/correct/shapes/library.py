@@ -107,6 +107,8 @@ _REACH = (
     Kind("falling_exponential", (1 - exp(-_X / _INNER),), 0, "reach"),
     Kind("hump", (2 * _X * _INNER / (_X**2 + _INNER**2),), 0, "reach"),
 )
+#: Of an angle, in radians: the weight of a lever, a door, a pendulum, about wherever it hangs.
+_OF_ANGLES = (Kind("sine", (sin(_X),), 0), Kind("cosine", (cos(_X),), 0))
 #: A power with the sign of its signal, which with others beside it would draw nearly any curve; its coefficient
 #: is the value at the signal's size. Where the sign changes it is so smooth that a root is as steep as dry friction.
 _POWER = Kind(
@@ -244,6 +246,8 @@ def library(known: Sequence[Signal], of: Signal) -> list[Term]:
     found += [Term(_POWER, (of.name,), (of.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
     if not both and float(np.abs(together).min()) > _AWAY * size:
         found += [Term(_FALLING_POWER, (of.name,), (of.unit,), size, n, _FALLING_SPAN) for n in _FALLING]
+    if of.unit == "rad":
+        found += [Term(kind, (of.name,), (of.unit,), size) for kind in _OF_ANGLES]
     if _is_position(of):
         found += _waves(of, together, size)
     return found + _products(known, of)

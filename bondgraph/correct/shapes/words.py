@@ -21,7 +21,8 @@ _MECHANICAL = {
 }  # fmt: skip
 _ELECTRICAL = {("own", "line"): "resistance", ("displacement", "line"): "elastance"}
 _HYDRAULIC = {("own", "line"): "laminar loss", ("own", "signed_square"): "turbulent loss"}
-_NAMES = {TRANSLATION: _MECHANICAL, ROTATION: _MECHANICAL, ELECTRICAL: _ELECTRICAL, HYDRAULIC: _HYDRAULIC}
+_ROTATING = _MECHANICAL | {("displacement", "sine"): "weight of a lever"}
+_NAMES = {TRANSLATION: _MECHANICAL, ROTATION: _ROTATING, ELECTRICAL: _ELECTRICAL, HYDRAULIC: _HYDRAULIC}
 #: The same where a flow is lost to an effort, at a 0-junction.
 _FLOWS = {("own", "line"): "leakage", ("own", "signed_square"): "slip"}
 
