@@ -8,9 +8,11 @@ import numpy as np
 
 from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.evidence.bounds import value_text
+from bondgraph.correct.evidence.replaced import parameters_beside
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.round import Round
+from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.analysis.combinations import Combination, combinations
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
@@ -87,6 +89,17 @@ def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> 
         f"{said} {inflected(names, 'rests on its bound', 'rest on their bounds')} in the {which} model: the bounds are "
         f"too narrow, or an effect is missing that {inflected(names, 'it stands', 'they stand')} in for"
     ]
+
+
+def left_bounds(name: str, fitted: Fit, laws: Sequence[Trial], declared: BondGraph) -> str:
+    """A sentence on a parameter beyond its declared bounds, and the law that takes the place of its element."""
+    labels = [one.candidate.label for one in laws if name in parameters_beside(one.candidate.place, declared)]
+    value = f"{name} = {value_text(fitted, name)} is beyond its declared bounds"
+    if not labels:
+        return f"{value}, which it left beside a law that is gone"
+    return (
+        f"{value}: {few(labels)} {inflected(labels, 'takes', 'take')} the place of its element, which may be left out"
+    )
 
 
 def after_delays(laws: Sequence[Trial], fitted: Fit) -> list[str]:

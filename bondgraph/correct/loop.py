@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.cautions import after_delays, at_bounds, cautions_of
+from bondgraph.correct.cautions import after_delays, at_bounds, cautions_of, left_bounds
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
 from bondgraph.correct.corrected import corrected
@@ -27,6 +27,7 @@ from bondgraph.correct.declared_fit import (
     straight_is_likelier,
 )
 from bondgraph.correct.evidence.certified import doubts
+from bondgraph.correct.evidence.replaced import beyond_declared
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
@@ -315,7 +316,7 @@ def _result(
     assert last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
-    corrected_built, undeclared = corrected(state)
+    corrected_built, undeclared = corrected(begun.fit, state)
     report("assess", 0, 1)
     every = [
         Added(one, one.candidate.effect.parameters, rest.completes.get(one.candidate.label, "")) for one in state.added
@@ -324,7 +325,7 @@ def _result(
     random = tuple(described(one.trial, current) for one in every if one not in added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
-        *begun.cautions, *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
+        *begun.cautions, *cautions_of(nominal, rounds), *_doubts(begun, state, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds, settings.refits),
         *start_cautions(undeclared), *after_delays(state.added, current),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
@@ -367,12 +368,14 @@ def _events(state: Progress) -> tuple[Added, ...]:
     return tuple(Added.of(one, {}) for one in state.added if one.gate is not None)
 
 
-def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:
-    """Sentences on integration steps of both models, and on what rests on a bound in the corrected one."""
-    if corrected is nominal:
+def _doubts(begun: DeclaredFit, state: Progress, first: Check, last: Check) -> list[str]:
+    """Sentences on integration steps of both models, and on bounds that hold or were left in the corrected one."""
+    if state.fit is begun.fit:
         return doubts("declared", first)
-    bounds = at_bounds(corrected, "corrected", nominal.problem.names)
-    return [*bounds, *doubts("declared", first), *doubts("corrected", last)]
+    left = beyond_declared(begun.fit, state.fit)
+    bounds = at_bounds(state.fit, "corrected", [name for name in begun.fit.problem.names if name not in left])
+    gone = [left_bounds(name, state.fit, state.laws, state.declared) for name in left]
+    return [*bounds, *gone, *doubts("declared", first), *doubts("corrected", last)]
 
 
 def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Sequence[EffectFunction]) -> None:

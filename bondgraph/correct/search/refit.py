@@ -16,6 +16,7 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context, coefficients, declared_point, inside
 from bondgraph.correct.evidence.decide import judge
+from bondgraph.correct.evidence.replaced import in_place_of_elements
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.search.storages import sizes, started_anew, storage_problem
 from bondgraph.data.log import FloatArray
@@ -96,6 +97,7 @@ def refit(
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
     if trial.candidate.effect.adds_state:
         fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal)
+    fitted = in_place_of_elements(fitted, trial.candidate, context.base, context.built.graph, context.journal)
     evidence = judge(context.base, fitted, trial.candidate.effect, tried or context.tried, trial.gate is not None)
     return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")
 
