@@ -28,6 +28,7 @@ from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_table
+from bondgraph.estimate.otherwise import with_inputs_compared
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
@@ -153,6 +154,7 @@ def _estimated(
         found = run_estimate(
             problem, settings, progress=work.trace, folder=folder, resume=options.resume, executor=workers
         )
+        found = found if options.inputs_between else with_inputs_compared(found, work.trace)
     unseen = held_out_logs(found, held_out)
     data = write_estimate(found, folder, provenance(options, found.seconds), unseen)
     print(text_of(parameter_table(data.parameters)), end="")

@@ -144,13 +144,15 @@ def _notes(estimate: Estimate) -> list[str]:
 
 
 def limits(estimate: Estimate) -> list[str]:
-    """Numbers that an estimate does not know: those at a bound, and those that the data do not tell."""
+    """Limits of an estimate: what rests on a bound, what the data do not tell, inputs that are likelier otherwise."""
     at_bound = f"At a bound, so that the optimum may lie outside: {', '.join(estimate.at_bound)}."
     notes = [at_bound] if estimate.at_bound else []
     alone = ", ".join(group[0] for group in estimate.not_identifiable if len(group) == 1)
     notes += [f"These data say nothing about: {alone}."] if alone else []
     groups = (", ".join(group) for group in estimate.not_identifiable if len(group) > 1)
-    return [*notes, *(f"These data do not tell apart: {group}." for group in groups)]
+    notes += [f"These data do not tell apart: {group}." for group in groups]
+    other = estimate.inputs_otherwise
+    return [*notes, *([f"{other.sentence[0].upper()}{other.sentence[1:]}."] if other else [])]
 
 
 def rough_note(estimate: Estimate) -> str:
