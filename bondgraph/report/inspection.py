@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from bondgraph.data.checks import check_log
 from bondgraph.data.log import FloatArray, Log, LogChannel
-from bondgraph.data.pairs import factor_suspicions
+from bondgraph.data.pairs import factor_suspicions, offset_suspicions
 from bondgraph.data.suspicions import looks_like_milliseconds, time_gaps
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import LINES, figure_style
@@ -80,7 +80,7 @@ def inspect_log(log: Log) -> Inspection:
     steps = np.diff(log.time)
     usual = float(np.median(steps)) if steps.size else float("nan")
     ends = (float(steps.min()), float(steps.max())) if steps.size else (usual, usual)
-    suspicions = list(factor_suspicions(log))
+    suspicions = [*factor_suspicions(log), *offset_suspicions(log)]
     if looks_like_milliseconds(log.time):
         suspicions.insert(0, f"times are whole numbers, {number(usual)} s apart: are they milliseconds ('time [ms]')?")
     found = [finding.message for finding in check_log(log)]
