@@ -25,6 +25,7 @@ from bondgraph.data.select import decimate
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError, suggest
+from bondgraph.estimate.checkpoint import FILE
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_table
@@ -119,8 +120,16 @@ def estimate(options: argparse.Namespace) -> int:
     problem = robust_problem(options, model, driven, logs)
     _require_free(names(options.profile or ()), problem)
     folder = answer_folder(options)
+    if options.resume:
+        tell_no_search(folder)
     with open_executor(options.executor) as workers:
         return _estimated(options, problem, search_settings(options), held_out, folder, workers)
+
+
+def tell_no_search(folder: Path) -> None:
+    """Say that there is no search to go on from, where a folder holds none."""
+    if not (folder / FILE).is_file():
+        print(f"no search to go on from in {folder}: starting anew", file=sys.stderr)
 
 
 def robust_problem(

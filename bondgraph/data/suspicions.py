@@ -52,6 +52,8 @@ FEWEST = 20
 _GAP_INTERVALS, _GAP_SECONDS = 10.0, 0.5
 #: A mode is settled between two samples that are so many of its time constants apart: 4 % of it are left.
 _SETTLED = 3.2
+#: Share of steps that are no multiple of the usual one, from which a clock jitters: a tenth, a convention.
+_JITTER = 0.1
 #: Gaps named in one note.
 _NAMED = 3
 
@@ -183,6 +185,24 @@ def looks_like_milliseconds(time: FloatArray) -> bool:
     (True, False)
     """
     return time.size > FEWEST and bool(np.all(time == np.round(time))) and float(np.median(np.diff(time))) >= 1.0
+
+
+def looks_counted_in_milliseconds(time: FloatArray) -> bool:
+    """Whether times (n,) without a model look like milliseconds: whole numbers, and steps that jitter by some of them.
+
+    A logger that takes a row every second is ordinary; a clock that counts milliseconds hardly hits every tenth. Steps
+    of several usual ones are missing rows, and no jitter.
+
+    Examples
+    --------
+    >>> jitter = np.cumsum(20.0 + np.random.default_rng(0).integers(-1, 2, 50))
+    >>> looks_counted_in_milliseconds(jitter), looks_counted_in_milliseconds(np.arange(0.0, 500.0, 20.0))
+    (True, False)
+    """
+    if not looks_like_milliseconds(time):
+        return False
+    steps = np.diff(time)
+    return bool(np.mean(steps % np.median(steps) != 0.0) > _JITTER)
 
 
 def time_suspicion(time: FloatArray, as_read: Sequence[Agreement], scaled: Sequence[Agreement]) -> str | None:

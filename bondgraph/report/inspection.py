@@ -14,7 +14,7 @@ from bondgraph.data.checks import check_log
 from bondgraph.data.given import GivenLog, as_read
 from bondgraph.data.log import FloatArray, Log, LogChannel
 from bondgraph.data.pairs import factor_suspicions, offset_suspicions
-from bondgraph.data.suspicions import looks_like_milliseconds, time_gaps
+from bondgraph.data.suspicions import looks_counted_in_milliseconds, time_gaps
 from bondgraph.errors import OptionError, require_kind, suggest
 from bondgraph.frames import frame
 from bondgraph.report.diagram.text import plain
@@ -184,8 +184,11 @@ def inspect_log(log: Log) -> Inspection:
     usual = float(np.median(steps)) if steps.size else float("nan")
     ends = (float(steps.min()), float(steps.max())) if steps.size else (usual, usual)
     suspicions = [*factor_suspicions(log), *offset_suspicions(log)]
-    if looks_like_milliseconds(log.time):
-        suspicions.insert(0, f"times are whole numbers, {number(usual)} s apart: are they milliseconds ('time [ms]')?")
+    if looks_counted_in_milliseconds(log.time):
+        said = (
+            f"times are whole numbers, about {number(usual)} s apart and uneven: are they milliseconds ('time [ms]')?"
+        )
+        suspicions.insert(0, said)
     found = [finding.message for finding in check_log(log)]
     return Inspection(
         log.name, len(log), float(log.time[0]), float(log.time[-1]), usual, ends, log.metadata.get("start", ""),
@@ -222,6 +225,8 @@ def times_text(found: Inspection) -> str:
     uneven = found.steps[1] - found.steps[0] > _UNEVEN * found.step
     steps = f", between {number(found.steps[0])} and {number(found.steps[1])} s" if uneven else ""
     began = f", begun {found.began}" if found.began else ""
+    if found.rows == 1:
+        return f"{found.log}: 1 row at {instant(found.start)} s{began}"
     return (
         f"{found.log}: {found.rows} rows from {instant(found.start)} to {instant(found.end)} s{began}; a row every "
         f"{number(found.step)} s{steps}"
