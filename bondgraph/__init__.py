@@ -46,9 +46,11 @@ if TYPE_CHECKING:
     from bondgraph.filter.online import OnlineFilter as OnlineFilter
     from bondgraph.filter.robust import Robust as Robust
     from bondgraph.filter.smoother import smooth as smooth
+    from bondgraph.report.comparison import compare as compare
     from bondgraph.report.correction import Correction as Correction
     from bondgraph.report.correction import close_loop as close_loop
     from bondgraph.report.drawing import draw as draw
+    from bondgraph.report.inspection import inspect as inspect
     from bondgraph.simulate.model import Model as Model
     from bondgraph.simulate.model import load as load
     from bondgraph.simulate.simulation import simulate as simulate
@@ -81,8 +83,10 @@ else:
             "filter.online": "OnlineFilter",
             "filter.robust": "Robust",
             "filter.smoother": "smooth",
+            "report.comparison": "compare",
             "report.correction": "Correction close_loop",
             "report.drawing": "draw",
+            "report.inspection": "inspect",
             "simulate.model": "Model load",
             "simulate.simulation": "simulate",
             "simulate.state_space": "state_space",

@@ -55,6 +55,26 @@ def coherent(unit: str, value: float = 20.0) -> tuple[str, float]:
         ) from None
 
 
+def has_offset(unit: str) -> bool:
+    """True for a unit whose zero is not that of the SI.
+
+    Raises
+    ------
+    DeclarationError
+        If the unit is unknown or a logarithm.
+
+    Examples
+    --------
+    >>> has_offset("degC"), has_offset("delta_degC"), has_offset("K")
+    (True, False, False)
+    """
+    try:
+        _coherent(unit)
+    except _OffsetError:
+        return True
+    return False
+
+
 class _OffsetError(Exception):
     """A unit whose zero is not that of the SI."""
 

@@ -24,6 +24,7 @@ from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.likelihoods import LikelihoodFunction
 from bondgraph.estimate.objective import Progress, silent
+from bondgraph.estimate.otherwise import with_inputs_compared
 from bondgraph.estimate.priors import Prior, read_priors
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.problem import pose as pose_problem
@@ -219,7 +220,8 @@ def estimate(
     Returns
     -------
     Estimate
-        With its outcome; a search that fails is a value, not an exception.
+        With its outcome; a search that fails is a value, not an exception. Its ``inputs_otherwise`` tells inputs that
+        are likelier another way between samples than declared.
 
     Raises
     ------
@@ -257,7 +259,8 @@ def estimate(
         )  # fmt: skip
     place = None if folder is None else Path(folder)
     with open_executor(executor) as workers:
-        return estimate_problem(problem, settings, progress=progress, folder=place, resume=resume, executor=workers)
+        found = estimate_problem(problem, settings, progress=progress, folder=place, resume=resume, executor=workers)
+    return with_inputs_compared(found, progress)
 
 
 def pose(

@@ -260,6 +260,7 @@ def test_the_run_time_half_loads_neither_sympy_nor_networkx_nor_the_design_time_
 #: state equations without a graph, of a saved result's.
 MODEL_MAKERS = {
     "build.py",
+    "simulate/between.py",
     "report/simulation.py",
     "simulate/model.py",
     "simulate/example.py",

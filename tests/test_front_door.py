@@ -24,7 +24,20 @@ from bondgraph.simulate import InputSignal, simulate_batch
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = sorted(path for path in (ROOT / "bondgraph").rglob("__init__.py") if "exported(" in path.read_text())
-VERBS = ("build", "close_loop", "draw", "estimate", "filter_log", "linearise", "load", "pose", "read_log", "simulate")
+VERBS = (
+    "build",
+    "close_loop",
+    "compare",
+    "draw",
+    "estimate",
+    "filter_log",
+    "inspect",
+    "linearise",
+    "load",
+    "pose",
+    "read_log",
+    "simulate",
+)
 
 
 def sled(wind: float = 0.0) -> bg.BondGraph:
@@ -91,6 +104,8 @@ WRONG = {
     "posterior": (lambda a: sample_posterior(a.model), "posterior: BuiltModel was given where"),
     "sensitivity": (lambda a: bg.sensitivity(a.graph), "where a model is expected - bg.build"),
     "design": (lambda a: bg.design(a.graph), "design: BondGraph was given where a model is expected - bg.build"),
+    "inspect a model": (lambda a: bg.inspect(a.model), "inspect: BuiltModel was given where a log is expected"),
+    "compare a graph": (lambda a: bg.compare(a.graph, a.log()), "compare: BondGraph was given where a model"),
     "read a log": (lambda a: bg.read_log(a.log()), "read_log: Log was given where a file is expected"),
     "write a graph": (lambda a: bg.write_log("x.csv", a.graph), "write_log: BondGraph was given where a log"),
     "write to a log": (lambda a: bg.write_log(a.log(), "x.csv"), "write_log: Log was given where a file is expected"),
@@ -158,7 +173,7 @@ def test_what_a_package_exports_is_what_type_checkers_see(path: Path) -> None:
 
 def test_the_front_door_is_small_and_says_what_it_does() -> None:
     assert {*VERBS, "BondGraph", "FilterModel", "Log", "Model", "ROTATION", "Settings", "smooth"} <= set(dir(bg))
-    assert len(bg.__all__) <= 42
+    assert len(bg.__all__) <= 45
     for name in bg.__all__:
         value = getattr(bg, name)
         if inspect.isfunction(value):
@@ -490,6 +505,28 @@ def test_sensitivities_are_a_table_in_declared_units(fit) -> None:
     assert table["std_joint"].tolist() == [written[name]["std_joint"] for name in table.index]
     np.testing.assert_allclose(table.loc["mass", "std_joint"], known.std_joint[0] / 0.45359237, rtol=1e-12)
     np.testing.assert_allclose(table["speed"], 1.0, rtol=1e-12)
+
+
+def test_a_log_is_inspected_and_a_model_laid_over_it(tmp_path: Path) -> None:
+    """Commands did both, and from Python they stood in rooms that nobody looks for."""
+    log = pushed(samples=100)
+    seen, compared = bg.inspect(log), bg.compare(bg.build(sled()), [log, pushed("run2", 2, 100)])
+    assert repr(seen).startswith("<Inspection of run1: force, speed, hail; ") and "hail" in seen.summary()
+    assert repr(compared).startswith("<Compared sled: fit of run1: speed ")
+    assert "run2: speed [km/h]" in compared.summary()
+    table, errors = seen.to_dataframe(), compared.to_dataframe()
+    assert list(table.index) == ["force", "speed", "hail"] and table.loc["speed", "unit"] == "km/h"
+    assert list(errors["log"]) == ["run1", "run2"] and (errors["rms"] > 0.0).all()
+    assert "source" not in seen.to_dict() and "<table>" in seen._repr_html_() + compared._repr_html_()
+    for result, channels in ((seen, 3), (compared, 2)):
+        whole, axes = result.plot(), Figure().subplots()
+        assert isinstance(whole, Figure) and len(whole.axes) == channels
+        assert result.plot("speed", ax=axes) is axes and axes.lines and "speed" in axes.get_ylabel()
+        with pytest.raises(OptionError, match="'sped'; did you mean 'speed'"):
+            result.plot("sped")
+    path = tmp_path / "run1.csv"
+    bg.write_log(path, log)
+    assert bg.inspect(path).channels == bg.inspect(bg.read_log(path)).channels
 
 
 def test_without_pandas_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

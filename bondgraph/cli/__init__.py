@@ -10,6 +10,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
+from bondgraph.cli.folders import without_empty_folders
 from bondgraph.cli.interruption import Asked, interruptible
 from bondgraph.errors import BondGraphError, OptionError
 from bondgraph.files import file_problem
@@ -90,6 +91,7 @@ def _run(options: argparse.Namespace, asked: Asked) -> int:
 
 
 def _refused(options: argparse.Namespace, error: BondGraphError) -> int:
+    without_empty_folders(options)
     if getattr(options, "json", False):
         answer = {"type": type(error).__name__, "message": error.message, "where": list(error.where)}
         print(json.dumps({"error": answer}))

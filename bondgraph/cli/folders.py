@@ -28,7 +28,17 @@ def answer_folder(options: argparse.Namespace) -> Path:
             "with --out",
             where=(str(folder),),
         )
+    options.new_folders = [one for one in (folder, *folder.parents) if not one.exists()]
     return output_folder(folder)
+
+
+def without_empty_folders(options: argparse.Namespace) -> None:
+    """Take back the folders that a command made for an answer which it then had to refuse."""
+    for folder in getattr(options, "new_folders", ()):
+        try:
+            folder.rmdir()
+        except OSError:  # something stands in it
+            return
 
 
 def _writer(folder: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bondgraph.cli.arguments import FOLDER
@@ -23,6 +23,7 @@ from bondgraph.files import finite, output_file
 from bondgraph.generate.drift import check, explain, render_all, write
 from bondgraph.report.drawing import drawing_of, save_drawing
 from bondgraph.report.evaluate import evaluate as evaluate_points
+from bondgraph.text import inflected
 
 
 def equations(options: argparse.Namespace) -> int:
@@ -73,11 +74,18 @@ def generate(options: argparse.Namespace) -> int:
         if differences:
             print(explain(differences, _command(options)))
             return 1
-        print(f"{len(modules)} generated modules are what their graphs give")
+        print(_unchanged(modules))
         return 0
-    for path in write(folder, modules, complete):
-        print(f"written: {path}")
+    written = [f"written: {path}" for path in write(folder, modules, complete)]
+    print("\n".join(written or [f"nothing to write: {_unchanged(modules)}"]))
     return 0
+
+
+def _unchanged(modules: Mapping[str, str]) -> str:
+    said = inflected(
+        modules, "generated module is what its graph gives", "generated modules are what their graphs give"
+    )
+    return f"{len(modules)} {said}"
 
 
 def _modules(options: argparse.Namespace) -> dict[str, str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.printing import say
-from bondgraph.cli.runs import model_and_logs, provenance, robust_problem, search_settings
+from bondgraph.cli.runs import model_and_logs, provenance, robust_problem, search_settings, tell_no_search
 from bondgraph.cli.values import names
 from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.checkpoint import FILE
@@ -74,6 +74,8 @@ def _estimated(
             f"--estimate {kept}: holds no {FILE} - give the folder that bondgraph estimate wrote, or leave it out",
             where=("--estimate", str(kept)),
         )
+    if options.resume and not options.estimate:
+        tell_no_search(folder)
     with WorkProgress("estimating", None, "evaluations") as work:
         return run_estimate(
             problem, search_settings(options), progress=work.trace, folder=kept, resume=resume, executor=workers

@@ -25,9 +25,11 @@ from bondgraph.data.select import decimate
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError, suggest
+from bondgraph.estimate.checkpoint import FILE
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_table
+from bondgraph.estimate.otherwise import with_inputs_compared
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
@@ -118,8 +120,16 @@ def estimate(options: argparse.Namespace) -> int:
     problem = robust_problem(options, model, driven, logs)
     _require_free(names(options.profile or ()), problem)
     folder = answer_folder(options)
+    if options.resume:
+        tell_no_search(folder)
     with open_executor(options.executor) as workers:
         return _estimated(options, problem, search_settings(options), held_out, folder, workers)
+
+
+def tell_no_search(folder: Path) -> None:
+    """Say that there is no search to go on from, where a folder holds none."""
+    if not (folder / FILE).is_file():
+        print(f"no search to go on from in {folder}: starting anew", file=sys.stderr)
 
 
 def robust_problem(
@@ -153,6 +163,7 @@ def _estimated(
         found = run_estimate(
             problem, settings, progress=work.trace, folder=folder, resume=options.resume, executor=workers
         )
+        found = found if options.inputs_between else with_inputs_compared(found, work.trace)
     unseen = held_out_logs(found, held_out)
     data = write_estimate(found, folder, provenance(options, found.seconds), unseen)
     print(text_of(parameter_table(data.parameters)), end="")

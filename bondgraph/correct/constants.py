@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bondgraph.estimate.otherwise import INDIFFERENT as INDIFFERENT
+from bondgraph.estimate.otherwise import SMOOTH_OPTIMISM
+
 #: Chance of a false alarm over all candidates of one round, corrected for their number (Bonferroni).
 LEVEL = 0.01
-#: Nats that do not tell two explanations apart: odds of 20 to 1, from where evidence is called strong. Kass and Raftery
-#: (1995), J. American Statistical Association 90(430).
-INDIFFERENT = 3.0
 #: Parts of a sensor's noise by which a law must move it to be named: alone, and beside a larger law, whose form leaves
 #: something too. A sensor is hardly better than a fifth of its noise over its range, and a third is the smallest error
 #: of a model at which the studies count what is found: conventions.
@@ -49,6 +49,8 @@ CONFIRMS = 2.0
 POWER = 0.9
 #: Gains of fits over predicted ones, before a search has shown them, by class: scores of smooth laws are
 #: right to a factor of two or three, those of dry friction on a vehicle were too small sevenfold.
-OPTIMISM: Mapping[str, float] = {"smooth": 2.5, "switching": 7.0, "storage": 2.5, "event": 2.5, "regime": 2.5}
+OPTIMISM: Mapping[str, float] = {
+    "smooth": SMOOTH_OPTIMISM, "switching": 7.0, "storage": 2.5, "event": 2.5, "regime": 2.5,
+}  # fmt: skip
 #: The quantile of what a search has shown of these ratios that its bounds count with.
 UPPER = 0.9

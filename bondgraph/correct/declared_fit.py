@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH, OPTIMISM
+from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.floors import without_floors
 from bondgraph.correct.fits.rates import rated, with_followed_rates
@@ -30,17 +30,16 @@ from bondgraph.errors import DataError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.derivatives.linearised import is_linearised
-from bondgraph.estimate.fitted import Fit, at_optimum
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
+from bondgraph.estimate.otherwise import lost_otherwise, moving_inputs
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import with_longest_steps
 from bondgraph.estimate.setup import FilterSetup, filter_setup
-from bondgraph.estimate.solvers.steps import newton_decrement
-from bondgraph.simulate.late import given_rows
 from bondgraph.text import few, inflected, number
 
 #: The declared model is fitted to this many nats, far below what an effect must gain.
@@ -123,9 +122,9 @@ def fit_declared(
     """
     report("fit the declared model", 0, 1)
     found = _fitted(graph, train, holdout, wishes)
-    every = () if wishes.inputs_as_declared else _straight(found.built, found.train)
-    names = tuple(name for name, share in every if share < 0.5)
-    sets = dict.fromkeys((names, tuple(name for name, _ in every)))
+    every = [] if wishes.inputs_as_declared else moving_inputs(found.built.model, found.train, "linear")
+    names = tuple(one.name for one in every if one.in_pieces)
+    sets = dict.fromkeys((names, tuple(one.name for one in every)))
     found = replace(found, straight=tuple(one for one in sets if one), pieces=names)
     if names and _otherwise(found.fit, found.built, _held(names), wishes.journal) < -INDIFFERENT:
         held = attempted(lambda: _held_fit(graph, train, holdout, wishes, names), lambda why: None)
@@ -193,23 +192,10 @@ def _held(names: Sequence[str]) -> dict[str, Interpolation]:
 
 
 def _otherwise(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation], journal: Journal) -> float:
-    """Nats by which a fitted model gets worse with its inputs otherwise between samples, searched from where it is.
-
-    One value with the derivatives of the fit tells first whether that is within reach.
-    """
-
-    def otherwise() -> float:
-        filter_model = replace(fitted.problem.filter_model, model=build(with_inputs_between(built.graph, **ways)).model)
-        problem = EstimationProblem(filter_model, fitted.problem.logs, at_optimum(fitted), fitted.problem.initial)
-        seen = problem.terms(fitted.point[:, np.newaxis])
-        if not np.isfinite(seen.sums()[0]):
-            return 0.0
-        around = fitted.expansion.around(seen)
-        promise = OPTIMISM["smooth"] * newton_decrement(problem, fitted.point, around)
-        lost = around.sum - fitted.expansion.sum
-        return lost - promise if lost - promise > 0.0 else fit(problem, journal=journal).nll - fitted.nll
-
-    return attempted(otherwise, lambda why: 0.0)
+    """Nats by which a fitted model gets worse with its inputs otherwise between samples, searched from where it is."""
+    return attempted(
+        lambda: lost_otherwise(fitted, build(with_inputs_between(built.graph, **ways)).model, journal), lambda why: 0.0
+    )
 
 
 def _said(after: HeldAfterAll) -> str:
@@ -253,16 +239,6 @@ def _by_long_steps(problem: EstimationProblem, journal: Journal) -> Fit:
         return fitted(problem)
     longer = with_longest_steps(problem, starts)
     return fitted(problem) if longer is problem else attempted(lambda: fitted(longer), lambda why: fitted(problem))
-
-
-def _straight(built: BuiltModel, train: Sequence[MatchedLog]) -> list[tuple[str, float]]:
-    """Inputs that run straight between samples and move, with the share of samples at which they do."""
-    found = []
-    for row, info in enumerate(built.model.inputs[known] for known in given_rows(built.model)):
-        moved = np.concatenate([np.diff(log.u[row]) != 0.0 for log in train])
-        if info.interpolation == "linear" and not info.rate_of and moved.any():
-            found.append((info.name, float(moved.mean())))
-    return found
 
 
 def _check_enough(graph: BondGraph, train: Sequence[MatchedLog], free: int) -> None:

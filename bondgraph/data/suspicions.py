@@ -39,7 +39,7 @@ FACTORS: tuple[tuple[float, tuple[str, ...], str], ...] = (
 #: nearest two ratios, 6.28 and 9.55, stay apart.
 _FAR, _NEAR = 2.0, 1.15
 #: Largest share of the error with times as read that may be left with times in ms, and of the measured values (rms).
-_BETTER, _LEFT = 0.5, 0.3
+BETTER, _LEFT = 0.5, 0.3
 #: Blocks of a log, whose scatter tells the error of a ratio whatever the colour of the noise, and Student's t of nine
 #: degrees of freedom at 99 %, two-sided. Ten blocks and so few degrees hold their level where noise is correlated
 #: over a tenth of the log or less (Ibragimov and Mueller 2010, J. Bus. Econ. Stat. 28(4)).
@@ -47,11 +47,13 @@ _BLOCKS, _STUDENT = 10, 3.25
 #: Errors below this share (of the squares) are rounding.
 _ROUNDING = 1e-12
 #: Fewer common samples tell nothing.
-_FEWEST = 20
+FEWEST = 20
 #: A gap is an interval so many times the usual one, and 0.5 s at least.
 _GAP_INTERVALS, _GAP_SECONDS = 10.0, 0.5
 #: A mode is settled between two samples that are so many of its time constants apart: 4 % of it are left.
 _SETTLED = 3.2
+#: Share of steps that are no multiple of the usual one, from which a clock jitters: a tenth, a convention.
+_JITTER = 0.1
 #: Gaps named in one note.
 _NAMED = 3
 
@@ -75,13 +77,32 @@ class Agreement:
         return self.slope - _STUDENT * self.deviation, self.slope + _STUDENT * self.deviation
 
     def is_surely_better_than(self, other: Agreement) -> bool:
-        """Whether its errors are smaller by more than the scatter between blocks, at 99 %.
+        """Whether its errors are smaller by more than the scatter between blocks, see :func:`is_surely_smaller`."""
+        return is_surely_smaller(self.squares + _ROUNDING, other.squares + _ROUNDING)
 
-        A paired test of two forecasts (Diebold and Mariano 1995, J. Bus. Econ. Stat. 13(3)), of the logarithms of the
-        blocks' squares, since blocks in which the machine hardly moves would say nothing beside the others.
-        """
-        gains = np.log((other.squares + _ROUNDING) / (self.squares + _ROUNDING))
-        return bool(gains.mean() > _STUDENT * gains.std(ddof=1) / math.sqrt(gains.size))
+
+def is_surely_smaller(squares: FloatArray, others: FloatArray) -> bool:
+    """True where squared errors of blocks (blocks,) are smaller by more than their scatter, at 99 %.
+
+    A paired test of two forecasts (Diebold and Mariano 1995, J. Bus. Econ. Stat. 13(3)), of the logarithms of the
+    blocks' squares, since blocks in which the machine hardly moves would say nothing beside the others.
+
+    Examples
+    --------
+    >>> errors = 1.0 + 0.1 * np.cos(np.arange(10.0))
+    >>> is_surely_smaller(errors, 2.0 * errors), is_surely_smaller(errors, errors[::-1])
+    (True, False)
+    """
+    tiny = np.finfo(np.float64).tiny  # of a model that follows to the last digit
+    gains = np.log((others + tiny) / (squares + tiny))
+    return bool(gains.mean() > _STUDENT * gains.std(ddof=1) / math.sqrt(gains.size))
+
+
+def in_blocks(values: FloatArray) -> FloatArray:
+    """Sums of values (n,) over the blocks of a log, shape (blocks,)."""
+    edges = np.linspace(0, values.size, _BLOCKS + 1).astype(int)[:-1]
+    sums: FloatArray = np.add.reduceat(values, edges)
+    return sums
 
 
 def agreement(measured: FloatArray, modelled: FloatArray | None) -> Agreement | None:
@@ -100,14 +121,13 @@ def agreement(measured: FloatArray, modelled: FloatArray | None) -> Agreement | 
         return None
     both = np.isfinite(measured) & np.isfinite(modelled)
     y, m = measured[both], modelled[both]
-    if y.size < _FEWEST or not np.any(y) or not np.any(m):
+    if y.size < FEWEST or not np.any(y) or not np.any(m):
         return None
     power = float(np.sum(m * m))  # not by a BLAS, whose number of threads shows in last digits
     slope = float(np.sum(y * m)) / power
-    edges = np.linspace(0, y.size, _BLOCKS + 1).astype(int)[:-1]
-    scores = np.add.reduceat(m * (y - slope * m), edges)
+    scores = in_blocks(m * (y - slope * m))
     deviation = math.sqrt(_BLOCKS / (_BLOCKS - 1) * float(scores @ scores)) / power
-    squares = np.add.reduceat((y - m) ** 2, edges) / float(np.sum(y * y))
+    squares = in_blocks((y - m) ** 2) / float(np.sum(y * y))
     return Agreement(slope, deviation, math.sqrt(float(squares.sum())), squares)
 
 
@@ -164,7 +184,25 @@ def looks_like_milliseconds(time: FloatArray) -> bool:
     >>> looks_like_milliseconds(np.arange(0.0, 500.0, 20.0)), looks_like_milliseconds(np.arange(0.0, 5.0, 0.1))
     (True, False)
     """
-    return time.size > _FEWEST and bool(np.all(time == np.round(time))) and float(np.median(np.diff(time))) >= 1.0
+    return time.size > FEWEST and bool(np.all(time == np.round(time))) and float(np.median(np.diff(time))) >= 1.0
+
+
+def looks_counted_in_milliseconds(time: FloatArray) -> bool:
+    """Whether times (n,) without a model look like milliseconds: whole numbers, and steps that jitter by some of them.
+
+    A logger that takes a row every second is ordinary; a clock that counts milliseconds hardly hits every tenth. Steps
+    of several usual ones are missing rows, and no jitter.
+
+    Examples
+    --------
+    >>> jitter = np.cumsum(20.0 + np.random.default_rng(0).integers(-1, 2, 50))
+    >>> looks_counted_in_milliseconds(jitter), looks_counted_in_milliseconds(np.arange(0.0, 500.0, 20.0))
+    (True, False)
+    """
+    if not looks_like_milliseconds(time):
+        return False
+    steps = np.diff(time)
+    return bool(np.mean(steps % np.median(steps) != 0.0) > _JITTER)
 
 
 def time_suspicion(time: FloatArray, as_read: Sequence[Agreement], scaled: Sequence[Agreement]) -> str | None:
@@ -172,7 +210,7 @@ def time_suspicion(time: FloatArray, as_read: Sequence[Agreement], scaled: Seque
     if not as_read or len(scaled) != len(as_read):
         return None
     before, after = (math.sqrt(sum(one.error**2 for one in each) / len(each)) for each in (as_read, scaled))
-    if not (after < _BETTER * before and after < _LEFT):
+    if not (after < BETTER * before and after < _LEFT):
         return None
     step = float(np.median(np.diff(time)))
     return (

@@ -15,6 +15,7 @@ from bondgraph.declare.laws import apply_law, as_expression, callable_law
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.starts import Initial, initial_of, starts_of
 from bondgraph.declare.store import GraphStore
+from bondgraph.errors import DeclarationError
 
 
 class ElementBuilder(GraphStore):
@@ -223,6 +224,9 @@ class ElementBuilder(GraphStore):
     def _one_port(self, node: Node, at: At | None, from_element: bool = False) -> Handle:
         handle = self.add_node(node)
         if at is not None:
-            ends = (handle, at) if from_element else (at, handle)
-            self.bond(*ends)
+            try:
+                self.bond(*((handle, at) if from_element else (at, handle)))
+            except DeclarationError:  # a cell of a notebook is mended and run again
+                del self._nodes[node.name]
+                raise
         return handle

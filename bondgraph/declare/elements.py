@@ -15,6 +15,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.modal_laws import MODAL_LAWS, check_modal
+from bondgraph.declare.other_names import such_as
 from bondgraph.declare.quantities import ParameterStart, Start
 from bondgraph.errors import DeclarationError, suggest
 
@@ -184,7 +185,8 @@ def check_node(node: Node, graph: str) -> None:
         )
     if not _NAME.match(node.name):
         raise DeclarationError(
-            f"{graph}: node name {node.name!r} - use letters, digits and underscores", where=(node.name,)
+            f"{graph}: node name {node.name!r} - use letters, digits and underscores{such_as(node.name)}",
+            where=(node.name,),
         )
     if node.ports < 1 or (node.ports > 1 and node.kind not in MULTIPORTS):
         raise DeclarationError(

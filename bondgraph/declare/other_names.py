@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import NoReturn
 
@@ -45,3 +46,30 @@ def refuse_name(name: str, known: Iterable[str]) -> NoReturn:
     ours = _OURS.get(name.lower(), _OURS.get(name.lower().removeprefix("add_"), ""))
     hint = f"; it is called {ours} here" if ours else suggest(name, known)
     raise AttributeError(f"a BondGraph has no {name!r}{hint}")
+
+
+def such_as(name: str) -> str:
+    """The end of a message on a name that is none, with one that is: what a bond is called in print has an arrow.
+
+    Examples
+    --------
+    >>> such_as("air -> room"), such_as("2 x")
+    (", such as 'air_room'", '')
+    """
+    close = "_".join(re.findall(r"[A-Za-z0-9_]+", name))
+    return f", such as {close!r}" if close.isidentifier() else ""
+
+
+def node_hint(name: str, known: Iterable[str]) -> str:
+    """The end of a message on a node that is not there: the closest one, or what to write in place of a bond.
+
+    Examples
+    --------
+    >>> node_hint("air -> room", ["air", "room"])
+    ' - that is a bond: name the junction at one of its ends, or a new one that is bonded to both'
+    >>> node_hint("rom", ["air", "room"])
+    "; did you mean 'room'?"
+    """
+    if "->" in name or "\u2192" in name:
+        return " - that is a bond: name the junction at one of its ends, or a new one that is bonded to both"
+    return suggest(name, known)

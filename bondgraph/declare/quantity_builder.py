@@ -13,6 +13,7 @@ from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import At, Handle
 from bondgraph.declare.laws import apply_law
+from bondgraph.declare.other_names import node_hint
 from bondgraph.declare.quantities import (
     Input,
     Integral,
@@ -28,7 +29,7 @@ from bondgraph.declare.quantity_checks import check_quantity, check_table
 from bondgraph.declare.requirements import check_requirement
 from bondgraph.declare.starts import initial_of
 from bondgraph.declare.store import GraphStore
-from bondgraph.errors import DeclarationError, suggest
+from bondgraph.errors import DeclarationError
 
 
 class QuantityBuilder(GraphStore):
@@ -261,7 +262,9 @@ class QuantityBuilder(GraphStore):
         node = at.name if isinstance(at, Handle) else at
         port = at.number if isinstance(at, Handle) else port
         if not self.has_node(node):
-            raise DeclarationError(f"{self.name}: output {name}: no node {node!r}{suggest(node, self._nodes)}", (name,))
+            raise DeclarationError(
+                f"{self.name}: output {name}: no node {node!r}{node_hint(node, self._nodes)}", (name,)
+            )
         domain = self._domain(node)
         own_unit = "" if domain is None else getattr(domain, f"{variable}_unit")
         self.measure(name, signal(variable, node, port), own_unit if unit is None else unit, meaning)

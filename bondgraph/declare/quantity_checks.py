@@ -8,6 +8,7 @@ import re
 from typing import Any
 
 from bondgraph.coherent import coherent
+from bondgraph.declare.other_names import such_as
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table
 from bondgraph.errors import DeclarationError
 
@@ -33,7 +34,9 @@ def check_quantity(quantity: Quantity, graph: str) -> None:
     name = quantity.name
     where = f"{graph}: {name}"
     if not _NAME.match(name):
-        raise DeclarationError(f"{graph}: name {name!r} - use letters, digits and underscores", where=(name,))
+        raise DeclarationError(
+            f"{graph}: name {name!r} - use letters, digits and underscores{such_as(name)}", where=(name,)
+        )
     if _RESERVED.match(name) and not isinstance(quantity, Output):
         raise DeclarationError(
             f"{where}: this name is reserved for time, pi and the elements' own variables - use another", where=(name,)

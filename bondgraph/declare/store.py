@@ -13,6 +13,7 @@ from bondgraph.declare.expressions import is_local, signal_name, symbols_in, tab
 from bondgraph.declare.handles import At, Handle, SubGraph
 from bondgraph.declare.laws import as_expression
 from bondgraph.declare.limits import NoValueError, check_numbers, unreal_part
+from bondgraph.declare.other_names import node_hint
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
 from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.errors import DeclarationError, suggest
@@ -142,14 +143,18 @@ class GraphStore:
         self._nodes[node.name] = node
         return Handle(node.name, node.kind, node.domain)
 
-    def bond(self, source: At, target: At) -> Bond:
+    def bond(self, source: At, target: At | None = None) -> Bond:
         """Bond two nodes; positive power flows from ``source`` to ``target``."""
+        if target is None:
+            raise DeclarationError(
+                f"{self.name}: bond {source}: give both nodes, such as bond('air', 'room')", where=(f"bond {source}",)
+            )
         ends = [end.name if isinstance(end, Handle) else end for end in (source, target)]
         for end in ends:
             if end not in self._nodes and not self._is_port(end):
                 known = [*self._nodes, *(f"{part.name}.{port}" for part in self.subgraphs for port, _ in part.ports)]
                 raise DeclarationError(
-                    f"{self.name}: bond {ends[0]} -> {ends[1]}: node {end!r} is not declared{suggest(end, known)}",
+                    f"{self.name}: bond {ends[0]} -> {ends[1]}: node {end!r} is not declared{node_hint(end, known)}",
                     where=(f"bond {ends[0]} -> {ends[1]}",),
                 )
         if ends[0] == ends[1]:

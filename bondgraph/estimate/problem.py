@@ -122,7 +122,11 @@ class EstimationProblem(AbstractProblem):
     @cached_property
     def initial_states(self) -> list[FloatArray]:
         """Initial state of each log, shape (n_x,), where it is not free, with the parameters where searches start."""
-        return initial_states(self.filter_model.model, self.logs, self._start_theta, self.initial, self._follows)
+        return self.states_begun_at(self._start_theta)
+
+    def states_begun_at(self, theta: FloatArray) -> list[FloatArray]:
+        """Initial state of each log, shape (n_x,), where it is not free, at parameters (n_theta,)."""
+        return initial_states(self.filter_model.model, self.logs, theta, self.initial, self._follows)
 
     @cached_property
     def _follows(self) -> list[Mapping[str, Follow]]:

@@ -17,6 +17,7 @@ from bondgraph.estimate.continuation import Stage
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.estimated import estimated_filter, next_prior, normal_interval
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.inputs_otherwise import InputsOtherwise
 from bondgraph.estimate.joint import Problem, Rows
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray, SearchOutcome, TraceRow
@@ -85,6 +86,8 @@ class Estimate(Panels, Tabulated, Kept):
         Searches with more process noise that came before, see :mod:`bondgraph.estimate.continuation`.
     abandoned
         Of the evaluations, those that were ended when it was certain that they were no improvement.
+    inputs_otherwise
+        Inputs that are likelier another way between samples than declared; None where none is, or none was tried.
     """
 
     problem: Problem
@@ -104,6 +107,7 @@ class Estimate(Panels, Tabulated, Kept):
     roughness: float = math.nan
     way: tuple[Stage, ...] = ()
     abandoned: int = 0
+    inputs_otherwise: InputsOtherwise | None = None
 
     @cached_property
     def end(self) -> str:
@@ -120,9 +124,10 @@ class Estimate(Panels, Tabulated, Kept):
         return f"<Estimate {self.problem.name}: {few(values)}; {end}>"
 
     def summary(self) -> str:
-        """How the search ended, and the table of the estimates."""
+        """How the search ended, the table of the estimates, and what is likelier than the inputs as declared."""
         data = f"{few([log.name for log in self.problem.logs])}: NLL {self.nll:.6g}"
-        return "\n".join([self.end, f"{data}, {self.certification.verdict} steps", text_table(*self.table())])
+        lines = [self.end, f"{data}, {self.certification.verdict} steps", text_table(*self.table())]
+        return "\n".join([*lines, *([self.inputs_otherwise.sentence] if self.inputs_otherwise else [])])
 
     def table(self) -> Table:
         """The estimates in declared units with their uncertainty.
@@ -380,6 +385,7 @@ class Estimate(Panels, Tabulated, Kept):
                 }
                 for s in self.way
             ],
+            "inputs_otherwise": None if self.inputs_otherwise is None else self.inputs_otherwise.to_dict(),
             "logs": [log.name for log in self.problem.logs],
         }
 

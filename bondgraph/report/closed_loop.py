@@ -120,9 +120,20 @@ _AS_A_TABLE = " As a table whose points are estimated it can be added: --tables,
 
 def explanation(closed: ClosedLoop) -> str:
     """The verdict in a few sentences."""
-    return " ".join(
-        (_explained(closed), *_off(closed), *(f"{one}." for one in closed.disturbances), *worse_simulated(closed))
-    )
+    disturbances = (f"{one}." for one in closed.disturbances)
+    return " ".join((_explained(closed), *_off(closed), *on_bounds(closed), *disturbances, *worse_simulated(closed)))
+
+
+def on_bounds(closed: ClosedLoop) -> list[str]:
+    """A sentence on declared parameters that rest on bounds beside what was found, which may stand in for them."""
+    names = [name for name in resting(closed.corrected) if name in closed.nominal.problem.names]
+    if not (closed.added and names):
+        return []
+    rests, forbids = inflected(names, "rests on its bound", "rest on their bounds"), inflected(names, "this", "these")
+    return [
+        f"But {', '.join(names)} {rests} beside it: what was found may make good for what {forbids} "
+        f"{inflected(names, 'bound forbids', 'bounds forbid')}."
+    ]
 
 
 def _off(closed: ClosedLoop) -> list[str]:

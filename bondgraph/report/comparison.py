@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bondgraph.data.given import GivenLog, all_matched
 from bondgraph.data.log import FloatArray, Log, MatchedLog
 from bondgraph.data.write import write_log
-from bondgraph.errors import BondGraphError
+from bondgraph.errors import BondGraphError, OptionError, require_kind, suggest
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.files import write_json
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
+from bondgraph.frames import frame
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import BEFORE, MEASURED, PANEL_HEIGHT, WIDTH, figure_style, save_figure
 from bondgraph.report.numbers import shown
@@ -26,13 +29,19 @@ from bondgraph.report.series import ChannelSeries, Prediction
 from bondgraph.report.simulation import trajectory_log
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.report.thinning import thinned
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
-from bondgraph.text import instant, text_table
+from bondgraph.text import Table, few, instant, text_table
+
+if TYPE_CHECKING:
+    import pandas
 
 #: A method that chooses its own steps starts anew at every sample, a millisecond each. Logs with more samples than an
 #: hour of a machine has, at 40 in a second, are simulated with the fixed steps of their filter, halved.
 _LONG = 150_000
+
+_Named = TypeVar("_Named")
 
 
 @dataclass(frozen=True)
@@ -71,13 +80,123 @@ class ComparedLog:
         return f"<ComparedLog {self.log}: {self.failure or ', '.join(error.channel for error in self.errors)}>"
 
 
-@dataclass(frozen=True)
-class Compared:
+@dataclass(frozen=True, repr=False)
+class Compared(Tabulated):
     """A model laid over logs, and what is suspected of the logs."""
 
     model: str
     runs: tuple[ComparedLog, ...]
     suspicions: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        fits = [f"{run.log}: {one.channel} {shown(100.0 * one.fit)} %" for run in self.runs for one in run.errors]
+        return f"<Compared {self.model}: fit of {few(fits)}>"
+
+    def summary(self) -> str:
+        """The table of errors, then failures and suspicions as sentences."""
+        return comparison_text(self)
+
+    def table(self) -> Table:
+        """A row for each channel of each log that was simulated: measured minus simulated values."""
+        return _error_table(self)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The errors as a data frame, a row for each channel of each log, in declared units; NaN where a run failed.
+
+        Columns ``log``, ``unit``, ``samples``, ``rms``, ``mean``, ``largest``, ``largest_at`` in s, ``fit``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        each = [(run.log, one) for run in self.runs for one in run.errors]
+        names = ("unit", "samples", "rms", "mean", "largest", "largest_at", "fit")
+        columns = {name: [getattr(one, name) for _, one in each] for name in names}
+        return frame({"log": [log for log, _ in each], **columns}, [one.channel for _, one in each], "channel")
+
+    def plot(self, channel: str = "", log: str = "", ax: Axes | None = None) -> Figure | Axes:
+        """Measured and simulated values of one log with their difference as a figure.
+
+        One channel on axes where it is named or ``ax`` is given.
+
+        Parameters
+        ----------
+        channel, log
+            Which ones; by default the first.
+        ax
+            Axes to draw on; None: those of a new figure.
+
+        Raises
+        ------
+        OptionError
+            If no log or measured channel is called so.
+        """
+        run = _named(log, {one.log: one for one in self.runs}, "log")
+        if not channel and ax is None:
+            return comparison_figure(run)
+        series = _named(channel, {one.channel: one for one in run.series}, "measured channel")
+        axes = own_axes(ax)
+        _draw_values(axes, series)
+        axes.set(title=plain(run.log), xlabel="time [s]")
+        axes.legend(loc="best", fontsize="small")
+        return axes
+
+
+def _named(asked: str, known: Mapping[str, _Named], what: str) -> _Named:
+    """What is called so, or the first."""
+    if not known or (asked and asked not in known):
+        raise OptionError(
+            f"plot: no {what} is called {asked!r}{suggest(asked, known)} - there is {', '.join(known) or 'none'}",
+            where=(asked,),
+        )
+    return known[asked or next(iter(known))]
+
+
+def compare(
+    model: Model,
+    logs: GivenLog | Sequence[GivenLog],
+    *,
+    initial: Initial = "measured",
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+) -> Compared:
+    """Lay a model at its declared values over logs: errors of free simulation, and what is suspected of the logs.
+
+    Parameters
+    ----------
+    model
+        Built from a graph or loaded.
+    logs
+        One or several logs: as read, matched, files or data frames.
+    initial
+        Where states start, see :func:`bondgraph.estimate.initial.initial_states`.
+    columns
+        Name of a column -> name in the model, where they differ.
+    constants
+        Values (or letters) of inputs that a log lacks.
+
+    Raises
+    ------
+    BondGraphError
+        If a log does not fit the model. A simulation that fails is said in its place.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> time = np.arange(60) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 60)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> compared = bg.compare(pendulum(), log)
+    >>> compared
+    <Compared pendulum: fit of swing: deflection 93.9 %>
+    >>> compared.runs[0].errors[0].rms < 0.1
+    True
+    >>> compared.plot("deflection").get_title()
+    'swing'
+    """
+    require_kind("compare", model, Model, "model")
+    return compare_logs(model, all_matched(logs, model, columns, constants), model.driven, initial)
 
 
 def compare_logs(
@@ -223,17 +342,22 @@ def comparison_figure(run: ComparedLog) -> Figure:
         panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
         for (values, error), one in zip(panels, run.series, strict=True):
             assert one.before.simulated is not None
-            values.plot(*thinned(one.time, one.measured), ".", color=MEASURED, markersize=3.0, label="measured")
-            values.plot(*thinned(one.time, one.before.simulated), color=BEFORE, label="simulated, as declared")
+            _draw_values(values, one)
             error.plot(*thinned(one.time, one.measured - one.before.simulated), ".", color=BEFORE, markersize=3.0)
             error.axhline(0.0, color=MEASURED, linewidth=0.8)
-            values.set_ylabel(plain(f"{one.channel}\n[{one.unit}]"))
         panels[0][0].set_title(plain(run.log))
         panels[0][1].set_title("measured minus simulated")
         panels[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
         for axes in panels[-1]:
             axes.set_xlabel("time [s]")
     return figure
+
+
+def _draw_values(axes: Axes, one: ChannelSeries) -> None:
+    assert one.before.simulated is not None
+    axes.plot(*thinned(one.time, one.measured), ".", color=MEASURED, markersize=3.0, label="measured")
+    axes.plot(*thinned(one.time, one.before.simulated), color=BEFORE, label="simulated, as declared")
+    axes.set_ylabel(plain(f"{one.channel}\n[{one.unit}]"))
 
 
 def _plain(error: ChannelMisfit) -> dict[str, Any]:
@@ -250,6 +374,13 @@ def comparison_text(compared: Compared) -> str:
             lines.append(f"{run.log}: the simulation fails: {run.failure}")
         elif run.steps:
             lines.append(f"{run.log}: {run.steps}")
+    header, rows = _error_table(compared)
+    if rows:
+        lines.append(text_table(header, rows))
+    return "\n".join([*lines, *compared.suspicions])
+
+
+def _error_table(compared: Compared) -> Table:
     rows = [
         [
             f"{run.log}: {one.channel} [{one.unit}]", str(one.samples), shown(one.rms), shown(one.mean),
@@ -258,7 +389,4 @@ def comparison_text(compared: Compared) -> str:
         for run in compared.runs if not run.failure
         for one in run.errors
     ]  # fmt: skip
-    if rows:
-        header = ["measured minus simulated", "samples", "rms", "mean", "largest", "fit [%]"]
-        lines.append(text_table(header, rows))
-    return "\n".join([*lines, *compared.suspicions])
+    return ["measured minus simulated", "samples", "rms", "mean", "largest", "fit [%]"], rows

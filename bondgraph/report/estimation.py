@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.initial import Initial
 from bondgraph.estimate.innovation_summary import innovation_summary
 from bondgraph.estimate.result import Estimate
 from bondgraph.files import write_json
@@ -20,6 +21,7 @@ from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.series import ChannelSeries, ParameterChange, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
+from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 
@@ -88,8 +90,10 @@ def _series(estimate: Estimate) -> list[ChannelSeries]:
     known = dict(zip(model.names("parameter"), estimate.theta.tolist(), strict=True))
     noise = dict(zip(model.names("output"), estimate.filter_model.noise_std, strict=True))
     series: list[ChannelSeries] = []
-    for log, x0, run in zip(estimate.problem.logs, estimate.x0, estimate.runs, strict=True):
-        before, after = (_free_run(estimate, log, x0, values) for values in (declared, known))
+    # states that follow parameters, the heat of a body with a capacity, begin elsewhere at the declared ones
+    begun = estimate.single.states_begun_at(model.theta())
+    for log, start, x0, run in zip(estimate.problem.logs, begun, estimate.x0, estimate.runs, strict=True):
+        before, after = _free_run(estimate, log, start, declared), _free_run(estimate, log, x0, known)
         series += channel_series(model, log, Runs(None, before), Runs(run, after), noise)
     return series
 
@@ -108,10 +112,11 @@ def _changes(estimate: Estimate) -> list[ParameterChange]:
 
 def _suspicions(estimate: Estimate) -> list[str]:
     """What is suspected of the units, times and sampling of the logs, at the declared values of the model."""
-    model, initial = estimate.filter_model.model, estimate.single.initial
+    model, rule = estimate.filter_model.model, estimate.single.initial
+    rules: list[Initial] = [rule if isinstance(rule, str) else (rule[k],) for k in range(len(estimate.problem.logs))]
     return [
         f"{log.name}: {one}"
-        for log in estimate.problem.logs
+        for log, initial in zip(estimate.problem.logs, rules, strict=True)
         for one in (
             *sampling_suspicions(model, log, initial),
             *unit_suspicions(estimate.filter_model, log, initial),
@@ -144,13 +149,15 @@ def _notes(estimate: Estimate) -> list[str]:
 
 
 def limits(estimate: Estimate) -> list[str]:
-    """Numbers that an estimate does not know: those at a bound, and those that the data do not tell."""
+    """Limits of an estimate: what rests on a bound, what the data do not tell, inputs that are likelier otherwise."""
     at_bound = f"At a bound, so that the optimum may lie outside: {', '.join(estimate.at_bound)}."
     notes = [at_bound] if estimate.at_bound else []
     alone = ", ".join(group[0] for group in estimate.not_identifiable if len(group) == 1)
     notes += [f"These data say nothing about: {alone}."] if alone else []
     groups = (", ".join(group) for group in estimate.not_identifiable if len(group) > 1)
-    return [*notes, *(f"These data do not tell apart: {group}." for group in groups)]
+    notes += [f"These data do not tell apart: {group}." for group in groups]
+    other = estimate.inputs_otherwise
+    return [*notes, *([f"{other.sentence[0].upper()}{other.sentence[1:]}."] if other else [])]
 
 
 def rough_note(estimate: Estimate) -> str:
@@ -162,11 +169,16 @@ def rough_note(estimate: Estimate) -> str:
     )
 
 
-def _free_run(estimate: Estimate, log: MatchedLog, x0: object, values: dict[str, float]) -> Trajectory:
+def _free_run(estimate: Estimate, log: MatchedLog, x0: FloatArray, values: Mapping[str, float]) -> Trajectory:
     filter_model = estimate.filter_model
-    names = filter_model.model.names("parameter")
-    theta = {name: value for name, value in values.items() if name in names} | dict(log.theta_overrides)
     return simulate(
-        filter_model.model, log.time, log.u, theta, x0,  # type: ignore[arg-type]
+        filter_model.model, log.time, log.u, _theta(filter_model.model, log, values), x0,
         method=filter_model.method, substeps=simulation_steps(filter_model, log.time), compiled=True,
     )  # fmt: skip
+
+
+def _theta(model: Model, log: MatchedLog, values: Mapping[str, float]) -> FloatArray:
+    """Parameters (n_theta,) of a log: what it knows itself, and else the values given by name."""
+    names = model.names("parameter")
+    known = {name: value for name, value in values.items() if name in names}
+    return model.theta(**(known | dict(log.theta_overrides)))

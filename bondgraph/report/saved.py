@@ -71,7 +71,7 @@ def load_data(kind: type, path: Path) -> Any:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
             return _value(kind, json.loads(str(content["text"])), functools.cache(content.__getitem__))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise OptionError(
             f"{path.parent}: holds no {path.name} - name the folder of a finished filter, estimate or close-loop of "
             "this version",

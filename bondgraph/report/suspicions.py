@@ -19,6 +19,7 @@ from bondgraph.data.suspicions import (
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.report.offset_suspicions import offset_suspicions
 from bondgraph.simulate.late import first_inputs
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
@@ -52,7 +53,9 @@ def unit_suspicions(filter_model: FilterModel, log: MatchedLog, initial: Initial
                 return None if modelled is None else modelled[row]
 
             found.append(scale_suspicion(info.name, info.unit, log.y[row], answer))
-    found.append(_time_suspicion(filter_model, log, initial))
+    offsets = offset_suspicions(model, log, initial, lambda one, rule: _answers(filter_model, one, rule))
+    # a machine that is 273 K off from where its log begins rushes there, which times in ms would explain too
+    found += offsets or [_time_suspicion(filter_model, log, initial)]
     return [one for one in found if one is not None]
 
 

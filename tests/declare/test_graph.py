@@ -83,6 +83,11 @@ REFUSED = {
     "an output twice": (lambda g: (g.measure("x", 1, ""), g.measure("x", 2, "")), "output x is declared twice"),
     "a bad name": (lambda g: g.parameter("two words", 1, ""), "use letters, digits and underscores"),
     "a bad node name": (lambda g: g.one_junction("two words"), "use letters, digits and underscores"),
+    "a bond as a name": (lambda g: g.zero_junction("air -> room"), "underscores, such as 'air_room'"),
+    "a bond as a parameter": (lambda g: g.parameter("air -> room", 1, ""), "underscores, such as 'air_room'"),
+    "a bond as a place": (lambda g: g.resistance("loss", 1.0, at="air -> room"), "that is a bond: name the junction"),
+    "a bond that is measured": (lambda g: g.measure_effort("T", "air -> room"), "that is a bond: name the junction"),
+    "a bond in one text": (lambda g: g.bond("air -> room"), "give both nodes, such as bond('air', 'room')"),
     "time": (lambda g: g.parameter("t", 1, ""), "reserved for time"),
     "a reserved word of elements": (lambda g: g.input("displacement2", ""), "reserved for time, pi and the elements'"),
     "no number": (lambda g: g.parameter("x", float("inf"), ""), "value inf must be a finite number"),
@@ -145,6 +150,15 @@ def test_a_mistake_is_found_at_its_line(name):
         declare(BondGraph("g"))
     assert text in caught.value.message and caught.value.where
     assert caught.value.message.startswith("g: ")
+
+
+def test_an_element_that_hangs_nowhere_is_not_kept():
+    """A cell of a notebook that was mended and run again said that its element was declared twice."""
+    g = BondGraph("g")
+    g.zero_junction("air")
+    with pytest.raises(DeclarationError, match="is not declared"):
+        g.resistance("loss", 1.0, at="are")
+    g.resistance("loss", 1.0, at="air")
 
 
 def test_a_field_needs_one_law_for_each_port():

@@ -244,6 +244,40 @@ def test_a_broken_link_is_found(tmp_path: Path) -> None:
     assert _broken(tmp_path) == ["a.html: b.html#there", "a.html: c.html", "a.html: p.svg", "a.html: #x"]
 
 
+def _rules() -> list[tuple[str, str]]:
+    """Selectors and declarations of the stylesheet, whatever stands around them."""
+    text = (ROOM / "pages" / "_static" / "bondgraph.css").read_text(encoding="utf-8")
+    plain = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    return [(selector.strip(), body) for selector, body in re.findall(r"([^{}]+)\{([^{}]*)\}", plain)]
+
+
+def test_code_goes_on_in_the_next_line_and_names_in_tables_break() -> None:
+    """Lines of listings were cut at 1600 pixels, and tables of effects scrolled at 400."""
+    rules = dict(_rules())
+    assert "white-space: pre-wrap; overflow-wrap: anywhere" in rules["div.highlight pre"]
+    (cells,) = (body for selector, body in rules.items() if "td code.literal" in selector.split(", "))
+    assert "overflow-wrap: anywhere" in cells
+
+
+def test_pictures_are_dark_wherever_the_page_is() -> None:
+    """By the button of the page and by the wish of the system, unless the button says light."""
+    turned = [selector for selector, body in _rules() if "invert(" in body]
+    assert sorted(turned) == [
+        'body:not([data-theme="light"]) article img', 'body[data-theme="dark"] article img',
+    ]  # fmt: skip
+
+
+def test_listings_of_pages_fit_their_column() -> None:
+    """A column of Furo shows some 84 characters of code; longer lines are for scripts, which wrap."""
+    blocks = (
+        (path.name, line)
+        for path in (ROOM / "pages").glob("*.md")
+        for block in re.findall(r"```(?:python|bash|text)\n(.*?)```", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        for line in block.splitlines()
+    )
+    assert [(name, line) for name, line in blocks if len(line) > 84] == []
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # those of the generator's own libraries; its warnings are refused
 def test_the_site_is_built_without_warnings_links_hold_and_nothing_needs_a_network(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from bondgraph.correct.places.structure import Structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.shapes.forms import joined
 from bondgraph.declare.effect import Place, Scale
-from bondgraph.report.closed_loop import explanation, structure_lines, summary
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.report.closed_loop import explanation, on_bounds, structure_lines, summary
 from bondgraph.report.formulas import headline_name
 from bondgraph.report.html import write_report
 from bondgraph.report.series import Power
@@ -86,3 +87,17 @@ def test_one_sensor_is_no_several() -> None:
     ):
         loop = SimpleNamespace(structure=Structure((), (), sensors, ()))
         assert words in structure_lines(cast(ClosedLoop, loop))[0]
+
+
+def test_a_declared_parameter_on_its_bound_is_told_beside_what_was_found() -> None:
+    """An effect was "found" and confirmed while a declared loss stood on a bound that forbade the true one."""
+    free = (FreeParameter("G", 0.5, 4.0, 2.0), FreeParameter("loss", 0.0, 9.0, 1.0))
+    corrected = SimpleNamespace(problem=SimpleNamespace(free=free), held=np.array([True, False]))
+    nominal = SimpleNamespace(problem=SimpleNamespace(names=("G",)))
+    loop = SimpleNamespace(added=("loss",), corrected=corrected, nominal=nominal)
+    (said,) = on_bounds(cast(ClosedLoop, loop))
+    assert said == "But G rests on its bound beside it: what was found may make good for what this bound forbids."
+    corrected.held = np.array([False, True])  # of a coefficient of the law itself nothing is said
+    assert on_bounds(cast(ClosedLoop, loop)) == []
+    corrected.held, loop.added = np.array([True, False]), ()
+    assert on_bounds(cast(ClosedLoop, loop)) == []

@@ -1,5 +1,7 @@
 """What the declaration lacks, found in one log and judged by another."""
 
+from pathlib import Path
+
 from sled import measured, sled
 
 import bondgraph as bg
@@ -7,8 +9,7 @@ import bondgraph as bg
 train, held_out = measured("run1", 1), measured("run2", 2)
 loop = bg.close_loop(sled(), [train], [held_out])
 print(loop.summary())
-print("\nTo paste before the declaration's return:\n")
-print(loop.python_lines())
+Path("lines.py").write_text(loop.python_lines())
 
 loop.plot().figure.savefig("before_after.svg")
 new = [added.trial.candidate.effect.element for added in loop.added]

@@ -5,14 +5,13 @@ from pathlib import Path
 from sled import sled
 
 import bondgraph as bg
-from bondgraph.report.inspection import inspect_log, inspection_text
 
 Path("logger.csv").write_text(
     "stamp;push;v;gear\nms;kN;km/h;text\n0,0;0,10;0,0;H\n100,0;0,10;0,4;H\n200,0;0,12;;H\n300,0;0,12;1,3;L\n"
 )
 log = bg.read_log("logger.csv", time="stamp")  # units stand in the second row here; units={"v": "km/h"} says others
 print(repr(log))
-print(inspection_text(inspect_log(log)))
+print(bg.inspect(log).summary())
 
 matched = bg.match(log, bg.build(sled()), {"push": "force", "v": "speed"})  # columns of the log -> names in the model
 print(matched.u[0], "N")

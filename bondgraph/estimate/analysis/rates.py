@@ -93,6 +93,9 @@ class RateTable(Tabulated, Kept):
     @property
     def verdict(self) -> str:
         """The answer in a sentence, with what the next lower rate would cost and save."""
+        if len(self.rows) == 1:
+            only = number(self.rows[0].rate)
+            return f"{only} 1/s alone says nothing of what is enough - name a higher rate beside it, that of the logs"
         last = self.sufficient
         lower = next((row for row in self.rows if row.rate < last), None)
         enough = "is needed" if last == self.rows[0].rate else "is enough"
