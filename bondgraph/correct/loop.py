@@ -38,7 +38,7 @@ from bondgraph.correct.models.resting import without_resting_state
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.models.started import start_cautions
 from bondgraph.correct.models.typical import typical_inputs
-from bondgraph.correct.off_constants import with_off_constants
+from bondgraph.correct.off_constants import with_off_constants, without_needless_constants
 from bondgraph.correct.places.structure import Structure, everywhere, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, OffConstant, Progress, advance, reduced_to, without_events
@@ -266,7 +266,7 @@ def _rounds(
             rounds.append(turn)
             pair = two_laws(state, turn, functions, own) if room > 1 else None
             if pair is not None:
-                state, rounds = pair[0], [*rounds[:-1], *pair[1]]
+                state, rounds = without_needless_constants(pair[0], own), [*rounds[:-1], *pair[1]]
                 continue
             off = with_off_constants(state, turn, own)
             if off is not state:
@@ -279,6 +279,7 @@ def _rounds(
                 return state, rounds, passes
             disturbed = explained_at_random(state, turn.chosen, own)
             before, state = state, advance(state, turn, own) if disturbed is state else disturbed
+            state = without_needless_constants(state, own)
             state = state if begun is None or not state.laws else _with_held(begun, before, state, own.journal)
             if state.anew:
                 return state, rounds, "inputs run otherwise between samples after all"

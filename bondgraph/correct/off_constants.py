@@ -1,8 +1,8 @@
-"""Given constants that are off: they are estimated where they explain as much as any law does.
+"""Given constants that are off: they are estimated where they explain most of what a law would.
 
-A constant is declared without bounds because somebody measured it. Where it explains what a law would explain, the law
-is not believed, and the constant is no longer taken as it is: it is free around its declared value from there on, and
-the search goes on beside it.
+A constant is declared without bounds because somebody measured it. Where it explains most of what the best law does,
+the law is not believed yet, and the constant is no longer taken as it is: it is free around its declared value from
+there on, and the search goes on beside it. It is given again where a law that is found later leaves it as it was.
 """
 
 from __future__ import annotations
@@ -12,41 +12,67 @@ from dataclasses import replace
 
 from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.certified import refined
-from bondgraph.correct.evidence.given import moved_text, promising, with_fewest_free
+from bondgraph.correct.evidence.given import moved_text, needless_constant, promising, with_fewest_free
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.progress import Decision, OffConstant, Progress, rounds_done, standing
 from bondgraph.correct.round import Round, RoundSettings
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.text import few
+from bondgraph.estimate.local import fit
+from bondgraph.text import few, inflected
 
 
 def with_off_constants(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
-    """The state with given constants free that explain as much as what explains most; the same where none do.
+    """The state with given constants free that explain most of what the best law does; the same where none do.
 
     Laws that are in doubt beside them go.
     """
     best = max((one for one in turn.trials if one.given), key=lambda one: one.gain, default=None)
     if best is None or (turn.chosen is not None and turn.chosen.gain > best.gain):
         return state
-    return attempted(lambda: _freed(state, best.candidate.label, settings), lambda why: state)
+    return attempted(lambda: _freed(state, best, settings), lambda why: state)
 
 
-def _freed(state: Progress, law: str, settings: RoundSettings) -> Progress:
-    """The state with the constants free that explain as much as a law, and the decision."""
+def _freed(state: Progress, law: Trial, settings: RoundSettings) -> Progress:
+    """The state with the constants free that explain most of what a law does, and the decision."""
     tried = promising(state.fit).constants
     found, constants = with_fewest_free(state.fit, tried, settings.journal)
     others = _as_good(state.fit, found, constants, tried, settings)
     fitted, check = refined(found, settings.journal, settings.substeps)
-    number, names = rounds_done(state) + 1, [one.name for one in constants]
-    gained = state.fit.nll - fitted.nll
-    why = f"{moved_text(fitted, constants)}; gains {gained:.1f} nats and explains as much as {law}"
-    made = [OffConstant(one.name, one.start, law, others) for one in constants]
+    number, names, gained = rounds_done(state) + 1, [one.name for one in constants], state.fit.nll - fitted.nll
+    would = f"{law.candidate.label} would gain {law.gain:.1f}"
+    why = f"{moved_text(fitted, constants)}; {inflected(names, 'gains', 'gain')} {gained:.1f} nats, {would}"
+    made = [OffConstant(one.name, one.start, gained, would, others) for one in constants]
     freed = replace(
         state, fit=fitted, check=check, constants=(*state.constants, *made),
         history=(*state.history, Decision(number, "given constant", few(names), why)),
     )  # fmt: skip
     return standing(freed, [], f"beside {few(names)}", number, settings)
+
+
+def without_needless_constants(state: Progress, settings: RoundSettings) -> Progress:
+    """The state with constants as given again that the laws found since leave there, within chance."""
+    while (spare := _needless(state)) is not None:
+        free = tuple(one for one in at_optimum(state.fit) if one.name != spare)
+        fitted = fit(replace(state.fit.problem, free=free), journal=settings.journal)
+        fitted, check = refined(fitted, settings.journal, settings.substeps)
+        left = fitted.nll - state.fit.nll
+        why = f"beside what was found since, it gains {left:.1f} nats"
+        state = replace(
+            state, fit=fitted, check=check, constants=tuple(one for one in state.constants if one.name != spare),
+            history=(*state.history, Decision(rounds_done(state), "as given", spare, why)),
+        )  # fmt: skip
+    return state
+
+
+def _needless(state: Progress) -> str | None:
+    """Name of the constant that is nearest to its given value, if that is within chance."""
+    names = {one.name for one in state.constants}
+    free = [one for one in state.fit.problem.free if one.name in names]
+    given = {one.name: one.given for one in state.constants}
+    spare = needless_constant(state.fit, [replace(one, start=given[one.name]) for one in free])
+    return None if spare is None else spare.name
 
 
 def _as_good(

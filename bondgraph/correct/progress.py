@@ -38,9 +38,10 @@ from bondgraph.estimate.problem import EstimationProblem
 class Decision:
     """One decision: its round, what was done, and why.
 
-    ``action`` is ``"added"``, ``"given constant"`` (one that is off explains as much as a law), ``"own form"`` (what
-    was added became a part of a law), ``"simplified"`` (a simpler law took its place), ``"replaced"`` (a rival did),
-    ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``, ``"disturbance"`` or ``"stopped"``.
+    ``action`` is ``"added"``, ``"given constant"`` (one that is off explains most of a law), ``"as given"`` (it is not
+    off after all), ``"own form"`` (what was added became a part of a law), ``"simplified"`` (a simpler law took its
+    place), ``"replaced"`` (a rival did), ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``,
+    ``"disturbance"`` or ``"stopped"``.
     """
 
     round: int
@@ -53,13 +54,14 @@ class Decision:
 class OffConstant:
     """A given constant that is free after all: its name and the value that was given, in the unit of the model.
 
-    ``law`` is the label of the best law that it explains as much as. ``others`` are constants each of which would do as
-    well in its place.
+    ``gain`` is what it gains, in nats, with those that were freed with it, ``would`` says which law would gain how much
+    without. ``others`` are constants each of which would do as well in its place.
     """
 
     name: str
     given: float
-    law: str
+    gain: float
+    would: str
     others: tuple[str, ...] = ()
 
 

@@ -47,7 +47,7 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             for one in closed.disturbances
         ],
         "given_constants": [
-            {"name": one.name, "given": number(one.given), "law": one.law, "others": list(one.others)}
+            {"name": one.name, "given": number(one.given), "delta_nll": number(one.gain), "others": list(one.others)}
             for one in closed.constants
         ],
         "events": [_event(added, closed.eventful or closed.corrected) for added in closed.events],

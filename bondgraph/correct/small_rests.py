@@ -23,17 +23,17 @@ from bondgraph.estimate.fitted import Fit
 def weighed(trial: Trial, laws: Sequence[Trial], without: Fit) -> Trial:
     """The trial; with how little it moves where that is too little for a name.
 
-    ``laws`` are those that the model has beside its declaration, ``without`` is the fit that has all but the trial. An
-    event, a further part of a law at its place and a disturbance are not weighed.
+    ``laws`` are those that the model has beside its declaration, ``without`` is the fit that has all but the trial. A
+    further part of a law at its place and a disturbance are not weighed, an event where it acts.
     """
     effect = trial.candidate.effect
-    if trial.fit is None or trial.built is None or trial.gate is not None or effect.kind == DISTURBANCE:
+    if trial.fit is None or trial.built is None or effect.kind == DISTURBANCE:
         return trial
     others = [one for one in laws if one is not trial and one.candidate.effect.kind != DISTURBANCE]
     graph = trial.built.graph
     if any(own_form(one, trial, graph) for one in others):
         return trial
-    return replace(trial, small=smallness(without, trial.fit, least_beside(others, trial.gain)))
+    return replace(trial, small=smallness(without, trial.fit, least_beside(others, trial.gain), trial.gate))
 
 
 def least_beside(laws: Sequence[Trial], gain: float) -> float:

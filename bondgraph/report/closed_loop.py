@@ -144,8 +144,7 @@ def _off(closed: ClosedLoop) -> list[str]:
         unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
         told = f"{value_text(fitted, one.name)} fits better than the given {number(info.shown(one.given))}{unit}"
         others = f" (or {few(list(one.others))} is, which these data do not tell apart)" if one.others else ""
-        as_much = f", and explains as much as {law_title(one.law)} would"
-        said.append(f"The given {one.name} seems to be off{others}: {told}{as_much}.")
+        said.append(f"The given {one.name} seems to be off{others}: {told} ({one.gain:.0f} nats; {one.would}).")
     return said
 
 

@@ -43,12 +43,13 @@ def test_a_mass_three_percent_off_is_no_law() -> None:
     assert closed.corrected.values["m_sled"] == pytest.approx(41.2, abs=4.0 * closed.corrected.std["m_sled"])
     assert closed.corrected.nll < closed.nominal.nll - 15.0
     assert "The given m_sled seems to be off: 41.2 kg" in explanation(closed)
-    assert f"fits better than the given 40 kg, and explains as much as {off.law} would" in explanation(closed)
+    assert f"fits better than the given 40 kg ({off.gain:.0f} nats; {off.would})" in explanation(closed)
     (told,) = [one for one in closed.history if one.action == "given constant"]
     assert told.what == "m_sled" and best.candidate.label in told.why
     (mass,) = [one for one in closed.corrected_graph.parameters if one.name == "m_sled"]
     assert mass.value == closed.corrected.values["m_sled"] and mass.bounds is None
-    assert result_json(closed)["given_constants"] == [{"name": "m_sled", "given": 40.0, "law": off.law, "others": []}]
+    (told_so,) = result_json(closed)["given_constants"]
+    assert told_so == {"name": "m_sled", "given": 40.0, "delta_nll": off.gain, "others": []}
 
 
 def test_a_law_beside_a_mass_that_is_off_has_no_companion() -> None:

@@ -14,6 +14,7 @@ from bondgraph.correct.constants import FAINT, NOTICED
 from bondgraph.correct.evidence.moves import moves, smallness
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.correct.scores.gates import Gate, When
 from bondgraph.correct.small_rests import least_beside, small_rest
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import with_values
@@ -52,6 +53,25 @@ def test_moves_are_differences_of_free_simulations_over_the_noise() -> None:
     assert moves(first, first, math.inf) == dict.fromkeys(found, 0.0)
     assert smallness(first, second, FAINT) == ""
     assert smallness(first, first, FAINT).startswith("over whole logs it moves no sensor by more than 0 of its noise")
+
+
+@pytest.mark.parametrize(("when", "share"), [("from", 0.25), ("until", 0.25)])
+def test_an_event_moves_what_it_moves_where_it_acts(when: When, share: float) -> None:
+    log = pull(sled(), 4)
+    first, second = held_at(log, 12.0), held_at(log, 14.0)
+    gate = Gate(when, log.name, float(log.time[int(share * log.time.size)]) + 1e-6)
+    acts = gate.acts(log.time, log.name, [log]) > 0.0
+    assert acts.mean() == pytest.approx(share if when == "until" else 1.0 - share, abs=0.01)
+    paths = [
+        simulate(one.problem.filter_model.model, log.time, log.u, rtol=1e-10).raise_if_failed().y
+        for one in (first, second)
+    ]
+    found = moves(first, second, math.inf, gate)
+    for row, name in enumerate(built().model.names("output")):
+        apart = np.sqrt(np.mean((paths[1] - paths[0])[row, 1:][acts[1:]] ** 2)) / NOISE[name]
+        assert found[name] == pytest.approx(apart, rel=1e-2)
+    told = smallness(first, second, 2.0 * max(found.values()), gate)
+    assert told.startswith("where it acts it moves no sensor by more than")
 
 
 @functools.cache
