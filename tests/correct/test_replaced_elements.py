@@ -92,6 +92,6 @@ def test_parameters_beside_a_place_are_those_of_its_elements() -> None:
     g.resistance("wall", g.parameter("R_wall", 1e9, "Pa s/m^3"), at=pipe)
     g.resistance("end", g.parameter("R_end", 1e9, "Pa s/m^3"), at=far)
     scale = Scale(1e5, 1e-5)
-    assert parameters_beside(Place(handle(g, "line"), scale), g) == {"Rp", "C", "R_wall"}
+    assert parameters_beside(Place(handle(g, "line"), scale), g) == {"Rp", "R_wall"}
     between = Place.between(handle(g, "line"), tank, scale)
-    assert parameters_beside(between, g) == {"Rp", "C", "R_wall", "R_end"}
+    assert parameters_beside(between, g) == {"Rp", "R_wall", "R_end"}

@@ -28,7 +28,8 @@ from bondgraph.estimate.local import fit
 #: Factor by which a bound is moved: the element then does a hundredth of what it did on the bound. A convention.
 _GONE = 100.0
 _ITERATIONS, _TOLERANCE = 25, 0.05
-_ONE_PORTS, _JUNCTIONS = ("R", "C", "I", "Se", "Sf"), ("0", "1")
+#: Elements that a law may take the place of: a storage is none, since what it holds is there beside any law.
+_REPLACED, _JUNCTIONS = ("R", "Se", "Sf"), ("0", "1")
 
 
 def in_place_of_elements(fitted: Fit, law: Candidate, base: Fit, graph: BondGraph, journal: Journal) -> Fit:
@@ -70,7 +71,7 @@ def beyond_declared(nominal: Fit, corrected: Fit) -> list[str]:
 
 
 def parameters_beside(place: Place, graph: BondGraph) -> frozenset[str]:
-    """Names of the parameters of the one-ports at a place, and at junctions that share a bond with it."""
+    """Names of the parameters of resistances and sources at a place, and at junctions that share a bond with it."""
     flat = graph.flatten()
     near = {place.junction.name} | ({place.other.name} if place.other is not None else set())
     ends = [(bond.source, bond.target) for bond in flat.bonds]
@@ -78,7 +79,7 @@ def parameters_beside(place: Place, graph: BondGraph) -> frozenset[str]:
     junctions = near | {
         second for first, second in pairs if first in near and flat.nodes[second].kind in _JUNCTIONS
     }  # fmt: skip
-    elements = {second for first, second in pairs if first in junctions and flat.nodes[second].kind in _ONE_PORTS}
+    elements = {second for first, second in pairs if first in junctions and flat.nodes[second].kind in _REPLACED}
     used = {one.name for name in elements for _, law in flat.nodes[name].laws for one in law.free_symbols}
     return frozenset(used & {one.name for one in flat.parameters})
 

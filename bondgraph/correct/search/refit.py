@@ -97,9 +97,19 @@ def refit(
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
     if trial.candidate.effect.adds_state:
         fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal)
-    fitted = in_place_of_elements(fitted, trial.candidate, context.base, context.built.graph, context.journal)
+    done = _judged(replace(trial, built=built, failed=""), fitted, context, tried)
+    freed = in_place_of_elements(fitted, trial.candidate, context.base, context.built.graph, context.journal)
+    if freed is fitted:
+        return done
+    instead = _judged(done, freed, context, tried)
+    assert done.evidence is not None  # it was judged
+    passes = instead.evidence is not None and instead.evidence.accepted(context.level)
+    return instead if passes or not done.evidence.accepted(context.level) else done
+
+
+def _judged(trial: Trial, fitted: Fit, context: Context, tried: int | None) -> Trial:
     evidence = judge(context.base, fitted, trial.candidate.effect, tried or context.tried, trial.gate is not None)
-    return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")
+    return replace(trial, fit=fitted, evidence=evidence)
 
 
 def looked_closer(done: Trial, context: Context, lead: Fit | None = None, tried: int | None = None) -> Trial:
