@@ -8,6 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.search.refit import refit_from
 from bondgraph.estimate import searches as fitting
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.excerpt import excerpt
@@ -16,6 +21,7 @@ from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import quiet_start
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.solvers.linearised import LinearisedScoring, linear_search
+from tests.correct import sled
 from tests.correct.winch import drawn, setup_of
 
 
@@ -61,3 +67,20 @@ def test_a_level_of_which_the_data_say_nothing_is_not_thrown_far() -> None:
     reached = linear_search(LinearisedScoring(1), given, given.start)
     levels = [one.target.kind in ("std", "process") for one in given.free]
     assert np.abs(reached.point - given.start)[levels].max() <= 1.5
+
+
+def test_a_candidate_that_cannot_pass_is_given_up() -> None:
+    """Nothing is missing, so that a refit gains next to nothing; one that would have to gain a lot is not finished."""
+    log = sled.pull(sled.sled(), 3)
+    base, own = sled.fitted([log]), sled.built()
+    where = [one for one in places(own, [log], base.runs([log]), base.theta) if one.label == "runner"]
+    (constant,), _ = candidates(own, [effects.constant_effort], where)
+
+    def refitted(required: float) -> Fit:
+        found = refit_from(Trial(constant, 0.0), [1.0], Context(own, base, (log,), 20, 0.01, required)).fit
+        assert found is not None
+        return found
+
+    near, far = refitted(10.0), refitted(1000.0)
+    assert far.evaluations < near.evaluations
+    assert base.nll - far.nll < base.nll - near.nll < 10.0

@@ -20,7 +20,6 @@ from bondgraph.correct.evidence.replaced import in_place_of_elements
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.search.storages import sizes, started_anew, storage_problem
 from bondgraph.data.log import FloatArray
-from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.excerpt import excerpt, on_beginnings
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit, left_open
@@ -91,12 +90,11 @@ def refit(
             remark = f"given up on the beginnings of the logs, clearly behind what gains {gain:.1f} nats"
             return replace(trial, built=built, remark=remark)
         points, first = [begun.point, *starts[:1]], None
-    beat = np.inf if lead is None else lead.nll
-    if is_linearised(problem):  # what cannot pass the tests need not be finished
-        beat = min(beat, context.base.nll - context.required)
+    beat = context.base.nll - context.required  # what cannot pass the tests need not be finished
+    beat = beat if lead is None else min(beat, lead.nll)
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
     if trial.candidate.effect.adds_state:
-        fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal)
+        fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal, beat)
     done = _judged(replace(trial, built=built, failed=""), fitted, context, tried)
     freed = in_place_of_elements(fitted, trial.candidate, context.base, context.built.graph, context.journal)
     if freed is fitted:

@@ -135,12 +135,18 @@ def _promise(problem: EstimationProblem, point: FloatArray, expansion: Expansion
 
 
 def started_anew(
-    fitted: Fit, before: BuiltModel, after: BuiltModel, channel: str, journal: Journal | None = None
+    fitted: Fit,
+    before: BuiltModel,
+    after: BuiltModel,
+    channel: str,
+    journal: Journal | None = None,
+    beat: float = np.inf,
 ) -> Fit:
     """The fit of a law with a state of its own, again where its own parameters would have that state start elsewhere.
 
     Starts are lines in other states, by the fit without the law. A thermometer in a well that lags was to begin at
-    350 K, by the declared heat capacity of its kiln; with two thirds of that it began at 230 K.
+    350 K, by the declared heat capacity of its kiln; with two thirds of that it began at 230 K. ``beat`` as for
+    :func:`bondgraph.estimate.local.fit`.
     """
     for _ in range(_AGAIN):
         problem = _led_by(fitted, before, after, channel)
@@ -151,7 +157,7 @@ def started_anew(
         ]
         if not np.any(moved):
             break
-        found = fit(problem, starts=[fitted.point], journal=journal)
+        found = fit(problem, starts=[fitted.point], beat=beat, journal=journal)
         if not found.nll < fitted.nll:
             break
         fitted = found
