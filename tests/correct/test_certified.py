@@ -93,6 +93,25 @@ def test_a_fit_goes_on_with_shorter_steps_where_its_steps_move_it() -> None:
     assert again is fine
 
 
+def test_steps_are_not_halved_for_what_nodes_of_process_noise_would_change() -> None:
+    """Noise that enters at samples alone moves the guide's friction; no step between them does, however short."""
+    light = with_values(sled(), {"m_sled": 4.0, "c_guide": 52.0})
+    log, own = pull(light, 2), build(light)
+    by_speed = replace(log, y=np.array([log.y[0], np.full(log.time.size, np.nan)]))
+    setup = filter_setup(own.model, own.driven, [by_speed])
+    used = replace(
+        setup.filter_model, substeps=4, noise_nodes=0, noise_reach=0.0, process_noise={"v_sled": 1.0}
+    )  # fmt: skip
+    level = next(one for one in setup.noise if one.name == "std(speed)")
+    given = fit(EstimationProblem(used, (by_speed,), (*free_parameters(setup, ()), level)))
+    assert certify(given).shift > NEGLIGIBLE_SHIFT
+    found, check_of_it = refined(given)
+    resolved_steps = resolving(given).substeps  # effects could make up for the nodes, too
+    assert found.problem.filter_model.substeps == resolved_steps < used.substeps << certified._MOST_HALVINGS
+    assert check_of_it.shift > NEGLIGIBLE_SHIFT  # which is said all the same
+    assert doubts("declared", check_of_it)
+
+
 def test_a_stiff_fit_that_its_steps_do_not_disturb_is_left_alone() -> None:
     log = drawn(0.0)
     setup = setup_of(log)

@@ -44,17 +44,23 @@ _LEVELS: tuple[Kind, ...] = ("process", "std")
 def refined(fitted: Fit, journal: Journal | None = None, least: int | None = None) -> tuple[Fit, Check]:
     """The fit with steps so short that halving them changes it no more, if few halvings do that, and its last check.
 
-    A fit that its steps do not disturb is returned as it is. ``least`` as for :func:`resolving`.
+    A fit that its steps do not disturb is returned as it is, and halving ends where steps alone move nothing any more:
+    what more nodes of process noise would change is said by the check, and no steps mend it. A search that crept along
+    a ridge is finished then, so that what is left of it is not taken for something else. ``least`` as for
+    :func:`resolving`.
     """
     most = _most(fitted, least)
     fitted = with_steps(fitted, resolving(fitted, least), journal)
     found = certify(fitted)
-    while found.shift > NEGLIGIBLE_SHIFT and fitted.problem.filter_model.substeps < most:
+    while found.shift > NEGLIGIBLE_SHIFT and fitted.problem.filter_model.substeps < most and _moved_by_steps(fitted):
         before = fitted
         fitted = with_steps(fitted, fitted.problem.filter_model.with_halved_steps(), journal)
         if fitted is before:
             break
         found = certify(fitted)
+    if found.shift > NEGLIGIBLE_SHIFT and not fitted.problem.filter_model.is_stiff:
+        finished = _finished(fitted, journal)
+        return (fitted, found) if finished is fitted else (finished, certify(finished))
     return fitted, found
 
 
@@ -85,8 +91,7 @@ def unnoticed(problem: EstimationProblem) -> float:
 def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:
     """The fit with other integration steps, from where it is; as it is if these are its own, or lead nowhere."""
     used = fitted.problem.filter_model
-    if not used.is_stiff:  # with more nodes a fit of a car with a trailer ended in an optimum that is 180 nats worse
-        filter_model = replace(filter_model, noise_nodes=used.noise_nodes, noise_reach=used.noise_reach)
+    filter_model = _on_nodes_of(used, filter_model)
     key = filter_model.steps
     if filter_model is used or (used.method == filter_model.method and used.steps == key):
         return fitted
@@ -98,6 +103,37 @@ def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None =
         except EstimationError:
             known[key] = fitted
     return known[key]
+
+
+def _on_nodes_of(used: FilterModel, filter_model: FilterModel) -> FilterModel:
+    """The filter with the nodes of process noise of one that is not stiff, which other steps leave as they are.
+
+    With more nodes a fit of a car with a trailer ended in an optimum that is 180 nats worse.
+    """
+    if used.is_stiff:
+        return filter_model
+    return replace(filter_model, noise_nodes=used.noise_nodes, noise_reach=used.noise_reach)
+
+
+def _moved_by_steps(fitted: Fit) -> bool:
+    """True where halved steps move an estimate noticeably without more nodes of process noise beside them.
+
+    Nodes cut an interval into pieces of one step at least, each of which is halved.
+    """
+    used = fitted.problem.filter_model
+    if used.is_stiff:
+        return True
+    pieces = replace(used, substeps=max(used.substeps, used.noise_nodes + 1))
+    return certify(fitted, _on_nodes_of(used, pieces.with_halved_steps())).shift > NEGLIGIBLE_SHIFT
+
+
+def _finished(fitted: Fit, journal: Journal | None) -> Fit:
+    """The fit where its search leads that is begun anew from its end; as it is where that leads nowhere."""
+    try:
+        again = refitted(fitted, fitted.problem.filter_model, journal)
+    except EstimationError:
+        return fitted
+    return again if again.nll < fitted.nll else fitted
 
 
 def _most(fitted: Fit, least: int | None) -> int:
@@ -115,8 +151,8 @@ def _seen(fitted: Fit) -> Terms:
     return fitted.problem.terms(fitted.point[:, np.newaxis]) if known is None else known.members(np.array([0]))
 
 
-def certify(fitted: Fit) -> Check:
-    """What halved integration steps would change at a fit.
+def certify(fitted: Fit, finer: FilterModel | None = None) -> Check:
+    """What halved integration steps would change at a fit, or those of another filter.
 
     One value of the likelihood tells the innovations that they would leave, and with the derivatives that the fit has
     these make a gradient. Derivatives with halved steps cost ten times as much (on two fits of a vehicle they found
@@ -132,17 +168,17 @@ def certify(fitted: Fit) -> Check:
     covariance[np.ix_(free, free)] = solve(information, np.eye(information.shape[0]))
     known, own = _with_known_noise(fitted)
     covariance = covariance[np.ix_(own, own)]
-    found = _by_innovations(fitted, own, covariance)
+    finer = finer or fitted.problem.filter_model.with_halved_steps()
+    found = _by_innovations(fitted, finer, own, covariance)
     if found.shift <= _SURE * NEGLIGIBLE_SHIFT:
         return found
-    finer = known.filter_model.with_halved_steps()
+    finer = known.filter_model.with_steps_of(finer)
     at_optimum = not known.filter_model.is_stiff
     return check(known, fitted.point[own], covariance, finer, _expansions, converged=at_optimum)
 
 
-def _by_innovations(fitted: Fit, own: list[int], covariance: FloatArray) -> Check:
-    """What the innovations with halved steps say with the derivatives that the fit has."""
-    finer = fitted.problem.filter_model.with_halved_steps()
+def _by_innovations(fitted: Fit, finer: FilterModel, own: list[int], covariance: FloatArray) -> Check:
+    """What the innovations with finer steps say with the derivatives that the fit has."""
     problem, known = replace(fitted.problem, filter_model=finer), fitted.expansion
     with np.errstate(invalid="ignore"):  # of a filter that fails nothing is a number
         around = known.around(problem.terms(fitted.point[:, np.newaxis]))
