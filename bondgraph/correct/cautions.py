@@ -127,10 +127,11 @@ def resting(fitted: Fit) -> list[str]:
 
 
 def _undetectable(rounds: Sequence[Round]) -> list[str]:
-    """Sentences on effects that the logs do not show, less those that a later round could see."""
+    """Sentences on effects that the logs do not show, less those that a later round could see, or a law stands for."""
     seen = {(one.effect, one.junction) for turn in rounds for one in turn.detectable if np.isfinite(one.size)} | {
         (turn.chosen.candidate.effect.described, turn.chosen.candidate.place.label) for turn in rounds if turn.chosen
     }
+    seen |= {(one.name, one.junction) for turn in rounds for one in turn.alternatives if one.indistinguishable}
     blind = [one for one in (rounds[0].detectable if rounds else ()) if (one.effect, one.junction) not in seen]
     taken, small = ([f"{one.effect} at {one.junction}" for one in blind if one.taken is way] for way in (True, False))
     said = [f"cannot be told from what is free, whatever its size: {few(taken)}"] if taken else []

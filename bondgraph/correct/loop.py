@@ -42,6 +42,7 @@ from bondgraph.correct.off_constants import with_off_constants, without_needless
 from bondgraph.correct.places.structure import Structure, everywhere, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, OffConstant, Progress, advance, reduced_to, without_events
+from bondgraph.correct.quiet_before import simulated_better
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
@@ -325,13 +326,14 @@ def _result(
     added = tuple(one for one in every if one.trial.candidate.effect.kind != DISTURBANCE)
     random = tuple(described(one.trial, current) for one in every if one not in added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
+    before = assess(nominal, train), assess(nominal, holdout)
     cautions = (
         *begun.cautions, *cautions_of(nominal, rounds), *_doubts(begun, state, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds, settings.refits),
         *start_cautions(undeclared), *after_delays(state.added, current),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
+        *(simulated_better(nominal, before, settings.journal) if state.laws or state.constants else ()),
     )  # fmt: skip
-    before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
     disturbed = _disturbed(state, holdout, settings) if added and random else None
     logs = confirmation(nominal, current, before, after, disturbed) if every or state.constants else None

@@ -200,9 +200,13 @@ def _mapping_file(path: Path) -> dict[str, str]:
 
 
 def _matters(finding: Finding, name: str, model: Signals) -> bool:
-    """Whether a finding is worth saying of the quantity: a pedal may rest at its stop, a known value is constant."""
-    if name in (quantity.name for quantity in model.inputs):
-        return finding.kind != "saturation"
+    """Whether a finding is worth saying of the quantity: a pedal may rest at its stop, a known value is constant.
+
+    An input that is held between samples is a command, which may be given for one sample alone.
+    """
+    given = next((quantity for quantity in model.inputs if quantity.name == name), None)
+    if given is not None:
+        return finding.kind != "saturation" and not (finding.kind == "spike" and given.interpolation == "hold")
     if name in (quantity.name for quantity in model.parameters):
         return finding.kind != "constant"
     return name in names_of(model)

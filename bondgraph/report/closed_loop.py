@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from bondgraph.correct.cautions import resting
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.bounds import value_text
+from bondgraph.correct.evidence.replaced import beyond_declared
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
@@ -65,18 +67,25 @@ def report_data(
 
 
 def all_series(closed: ClosedLoop) -> tuple[ChannelSeries, ...]:
-    """Measured and predicted channels of all logs, before and after."""
+    """Measured and predicted channels of all logs, before and after; their noise with what of it has a memory."""
     pairs = (
         (closed.nominal_train, closed.corrected_train, False),
         (closed.nominal_holdout, closed.corrected_holdout, True),
     )
-    return tuple(one for before, after, held_out in pairs for one in _series(before, after, held_out))
+    coloured = {one.trial.candidate.effect.channel: one.size for one in closed.disturbances if not one.period}
+    return tuple(one for before, after, held_out in pairs for one in _series(before, after, held_out, coloured))
 
 
-def _series(before: Assessment, after: Assessment, held_out: bool) -> list[ChannelSeries]:
+def _series(
+    before: Assessment, after: Assessment, held_out: bool, coloured: Mapping[str, float]
+) -> list[ChannelSeries]:
     found: list[ChannelSeries] = []
     for first, last in zip(before.logs, after.logs, strict=True):
-        noise = {name: error.noise_std for name, error in last.channels.items()}
+        infos = {info.name: info for info in last.simulated.model.outputs}
+        noise = {
+            name: math.hypot(error.noise_std, float(infos[name].coherent(coloured.get(name, 0.0))))
+            for name, error in last.channels.items()
+        }
         runs = Runs(first.filtered, first.simulated), Runs(last.filtered, last.simulated)
         found += channel_series(last.simulated.model, first.log, *runs, noise, held_out)
     return found
@@ -125,8 +134,13 @@ def explanation(closed: ClosedLoop) -> str:
 
 
 def on_bounds(closed: ClosedLoop) -> list[str]:
-    """A sentence on declared parameters that rest on bounds beside what was found, which may stand in for them."""
-    names = [name for name in resting(closed.corrected) if name in closed.nominal.problem.names]
+    """A sentence on declared parameters that rest on bounds beside what was found, which may stand in for them.
+
+    Of those whose elements a law takes the place of another sentence is told.
+    """
+    left = beyond_declared(closed.nominal, closed.corrected)
+    known = [name for name in closed.nominal.problem.names if name not in left]
+    names = [name for name in resting(closed.corrected) if name in known]
     if not (closed.added and names):
         return []
     rests, forbids = inflected(names, "rests on its bound", "rest on their bounds"), inflected(names, "this", "these")

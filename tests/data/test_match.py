@@ -341,3 +341,16 @@ def test_a_bare_number_per_time_is_no_angular_speed(unit):
 def test_other_spellings_of_speeds_and_angles_are_told(unit, meant):
     with pytest.raises(DataError, match=f"run7: column 'n' has unit '{unit}' .row 1.; did you mean '{meant}'"):
         convert_unit("n", unit, "rad/s", "run7")
+
+
+def test_a_command_may_be_given_for_one_sample() -> None:
+    """A torque that was held and stepped was said to jump away and back, like the outliers of a sensor."""
+    time = 0.1 * np.arange(100)
+    pulse = np.where(np.arange(100) == 50, 40.0, 1.0 + 1e-3 * np.sin(time))
+
+    def notes(interpolation: str) -> list[str]:
+        car = replace(Car(), inputs=(Signal("torque", "N m", 0.0, interpolation),))
+        columns = {"torque": LogChannel("torque", "N m", pulse), "speed": LogChannel("speed", "m/s", time)}
+        return [note for note in match(Log("run", time, columns), car).notes if "jumps away and back" in note]
+
+    assert notes("hold") == [] and len(notes("linear")) == 1

@@ -17,7 +17,7 @@ from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.shapes.forms import joined
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.report.closed_loop import explanation, on_bounds, structure_lines, summary
+from bondgraph.report.closed_loop import all_series, explanation, on_bounds, structure_lines, summary
 from bondgraph.report.formulas import headline_name
 from bondgraph.report.html import write_report
 from bondgraph.report.series import Power
@@ -75,6 +75,16 @@ def test_a_form_of_its_own_is_named_with_how_far_it_is_from_its_name() -> None:
         assert explanation(far).startswith(said)
 
 
+def test_noise_with_a_memory_is_noise_of_its_sensor() -> None:
+    """A column said 0.0115 K of noise beside errors of 0.14 K, most of which was noise with a memory."""
+    closed = close_loop(sled(), [pull(sled(), 8)], [], (effects.quadratic_loss,))
+    effect = SimpleNamespace(channel="force")
+    one = SimpleNamespace(trial=SimpleNamespace(candidate=SimpleNamespace(effect=effect)), size=4.0, period=0.0)
+    white = {series.channel: series.noise_std for series in all_series(closed)}
+    both = {series.channel: series.noise_std for series in all_series(replace(closed, disturbances=(one,)))}  # type: ignore[arg-type]
+    assert both["force"] == pytest.approx(np.hypot(white["force"], 4.0)) and both["speed"] == white["speed"]
+
+
 def test_outputs_that_add_elements_of_one_junction_are_told_with_the_structure() -> None:
     loop = SimpleNamespace(structure=Structure((), (), ("force",), ("force is declared as a sum",)))
     assert structure_lines(cast(ClosedLoop, loop))[-1] == "force is declared as a sum."
@@ -92,11 +102,15 @@ def test_one_sensor_is_no_several() -> None:
 def test_a_declared_parameter_on_its_bound_is_told_beside_what_was_found() -> None:
     """An effect was "found" and confirmed while a declared loss stood on a bound that forbade the true one."""
     free = (FreeParameter("G", 0.5, 4.0, 2.0), FreeParameter("loss", 0.0, 9.0, 1.0))
-    corrected = SimpleNamespace(problem=SimpleNamespace(free=free), held=np.array([True, False]))
-    nominal = SimpleNamespace(problem=SimpleNamespace(names=("G",)))
+    values = {"G": 0.5, "loss": 1.0}
+    corrected = SimpleNamespace(problem=SimpleNamespace(free=free), held=np.array([True, False]), values=values)
+    nominal = SimpleNamespace(problem=SimpleNamespace(names=("G",), free=free[:1]))
     loop = SimpleNamespace(added=("loss",), corrected=corrected, nominal=nominal)
     (said,) = on_bounds(cast(ClosedLoop, loop))
     assert said == "But G rests on its bound beside it: what was found may make good for what this bound forbids."
+    corrected.values = {"G": 0.005, "loss": 1.0}  # the law takes the place of its element
+    assert on_bounds(cast(ClosedLoop, loop)) == []
+    corrected.values = values
     corrected.held = np.array([False, True])  # of a coefficient of the law itself nothing is said
     assert on_bounds(cast(ClosedLoop, loop)) == []
     corrected.held, loop.added = np.array([True, False]), ()
