@@ -204,7 +204,8 @@ def _said(after: HeldAfterAll) -> str:
     beside = " beside what was found first" if after.beside else ""
     return (
         f"{few(list(after.names))} {said}{verb} taken as held between samples, {number(after.nats)} nats likelier than "
-        f"straight lines{beside} - declare hold=True, or say --inputs-between linear"
+        f"straight lines{beside} - declare hold=True for what a controller gives, or say --inputs-between linear for "
+        "what was measured"
     )
 
 

@@ -15,6 +15,7 @@ from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import doubt, judge
 from bondgraph.correct.evidence.floors import without_floors
+from bondgraph.correct.evidence.replaced import in_place_of_elements
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
@@ -179,6 +180,9 @@ def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progr
     problem = EstimationProblem(filter_model, tuple(state.train), at_optimum(chosen.fit), initial)
     fitted = fit(problem, journal=settings.journal)
     fitted = without_floors(with_starts(fitted, settings.journal), settings.journal)
+    freed = in_place_of_elements(fitted, chosen.candidate, state.fit, state.built.graph, settings.journal)
+    if freed is not fitted and doubt(freed, chosen.candidate.effect) < settings.level:
+        fitted = freed  # a refit is rough, and may not have shown it
     return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))
 
 
