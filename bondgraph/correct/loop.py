@@ -269,7 +269,7 @@ def _rounds(
             if pair is not None:
                 state, rounds = without_needless_constants(pair[0], own), [*rounds[:-1], *pair[1]]
                 continue
-            off = with_off_constants(state, turn, own)
+            off = with_off_constants(state, turn, functions, own)
             if off is not state:
                 state = off
                 continue

@@ -26,7 +26,7 @@ from tests.correct.sled import FUNCTIONS, NOISE, pull, sled
 
 FAULTS = {
     "bias": (lambda y, t: y + 0.15, 0.15),
-    "scale": (lambda y, t: 1.04 * y, 0.04),
+    "scale": (lambda y, t: 1.15 * y, 0.15),  # beyond what a given mass may be off
     "drift": (lambda y, t: y + 0.004 * t, 0.004),
     "delay": (lambda y, t: np.interp(t - 0.2, t, y), 0.2),  # whole samples: half of one would average noise
 }

@@ -12,7 +12,10 @@ from bondgraph.correct.constants import TOLERANCE
 from bondgraph.correct.evidence.given import beside_given, given_constants, promising
 from bondgraph.correct.fits.assess import assess
 from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.correct.off_constants import with_off_constants, without_needless_constants
+from bondgraph.correct.progress import Progress
 from bondgraph.correct.result import result_json
+from bondgraph.correct.round import RoundSettings
 from bondgraph.correct.scores.quiet import quiet_fit
 from bondgraph.declare.editing import with_values
 from bondgraph.estimate.fitted import Fit, at_optimum
@@ -110,3 +113,41 @@ def test_a_declared_model_that_simulates_better_without_noise_is_said() -> None:
     (said,) = [one for one in closed.cautions if one.startswith("fitted without process noise")]
     assert f"speed to {number(there)} m/s, where the table has {number(here)} before" in said and "force" not in said
     assert not any(one.startswith("fitted without process noise") for one in closed_on(52.0).cautions)
+
+
+@pytest.mark.parametrize(("further", "freed"), [(None, ()), (2.0, ()), (80.0, ("m_sled",))])
+def test_constants_come_first_where_they_explain_more_with_what_is_found_beside_them(
+    further: float | None, freed: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A law may follow two small faults at once, and gain more than either: an inertia of 2 % and a late sensor.
+
+    Here it gains 30 nats more than the mass that is off; a round beside the mass finds nothing, 2 nats, or 80.
+    """
+    closed = closed_on(41.2)
+    turn = closed.rounds[0]
+    off = next(one for one in turn.trials if one.given)
+    assert off.evidence is not None
+    ahead = replace(off.evidence, p_robust=0.0, bic_gain=off.evidence.bic_gain + 30.0)
+    law = replace(off, given="", evidence=ahead)
+    found = None if further is None else replace(law, evidence=replace(ahead, bic_gain=further))
+    monkeypatch.setattr("bondgraph.correct.off_constants.one_round", lambda *given: replace(turn, chosen=found))
+    train = closed.nominal.problem.logs
+    state = Progress(sled(), closed.nominal_built, closed.nominal, train, check=closed.nominal_check)
+    trials = tuple(replace(one, given="") for one in turn.trials)
+    told = with_off_constants(state, replace(turn, chosen=law, trials=trials), FUNCTIONS, RoundSettings())
+    assert tuple(one.name for one in told.constants) == freed
+    assert (told is state) == (not freed)
+
+
+def test_a_constant_that_later_laws_leave_as_it_was_is_given_again() -> None:
+    closed = closed_on(41.2)
+    (off,) = closed.constants
+    found = Progress(
+        sled(), closed.corrected_built, closed.corrected, closed.nominal.problem.logs, check=closed.corrected_check,
+        constants=(off,),
+    )  # fmt: skip
+    assert without_needless_constants(found, RoundSettings()) is found  # three percent are many standard errors
+    as_found = replace(found, constants=(replace(off, given=closed.corrected.values["m_sled"]),))
+    again = without_needless_constants(as_found, RoundSettings())
+    assert again.constants == () and "m_sled" not in again.fit.problem.names
+    assert again.history[-1].action == "as given" and again.history[-1].what == "m_sled"
