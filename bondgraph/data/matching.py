@@ -200,7 +200,7 @@ def _mapping_file(path: Path) -> dict[str, str]:
 
 
 def _matters(finding: Finding, name: str, model: Signals) -> bool:
-    """Whether a finding is worth saying of the quantity: a pedal may rest at its stop, a known value is constant.
+    """True for a finding that is worth saying of the quantity: a pedal may rest at its stop, a known value is constant.
 
     An input that is held between samples is a command, which may be given for one sample alone.
     """

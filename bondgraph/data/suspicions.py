@@ -77,7 +77,7 @@ class Agreement:
         return self.slope - _STUDENT * self.deviation, self.slope + _STUDENT * self.deviation
 
     def is_surely_better_than(self, other: Agreement) -> bool:
-        """Whether its errors are smaller by more than the scatter between blocks, see :func:`is_surely_smaller`."""
+        """True where its errors are smaller by more than the scatter between blocks, see :func:`is_surely_smaller`."""
         return is_surely_smaller(self.squares + _ROUNDING, other.squares + _ROUNDING)
 
 
@@ -188,7 +188,7 @@ def looks_like_milliseconds(time: FloatArray) -> bool:
 
 
 def looks_counted_in_milliseconds(time: FloatArray) -> bool:
-    """Whether times (n,) without a model look like milliseconds: whole numbers, and steps that jitter by some of them.
+    """True for times (n,) that look like milliseconds without a model: whole numbers, and steps that jitter by some.
 
     A logger that takes a row every second is ordinary; a clock that counts milliseconds hardly hits every tenth. Steps
     of several usual ones are missing rows, and no jitter.

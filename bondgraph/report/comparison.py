@@ -144,7 +144,7 @@ class Compared(Tabulated):
 
 
 def _named(asked: str, known: Mapping[str, _Named], what: str) -> _Named:
-    """What is called so, or the first."""
+    """The one that is called so, or the first."""
     if not known or (asked and asked not in known):
         raise OptionError(
             f"plot: no {what} is called {asked!r}{suggest(asked, known)} - there is {', '.join(known) or 'none'}",

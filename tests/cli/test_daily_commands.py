@@ -94,7 +94,7 @@ def test_windows_are_parts_of_logs(machine: Path, capsys: pytest.CaptureFixture[
 
 
 def test_logs_are_cut_where_time_jumps(machine: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What the force did in the gap nobody knows: the second part starts anew, and is simulated from there."""
+    """The force in the gap is not known: the second part starts anew, and is simulated from there."""
     lines = (machine / "run1.csv").read_text().splitlines()
     (machine / "torn.csv").write_text("\n".join([*lines[:100], *lines[160:]]))
     command = ["compare", "toboggan.py", "--data", "torn.csv"]

@@ -152,7 +152,7 @@ def _seen(fitted: Fit) -> Terms:
 
 
 def certify(fitted: Fit, finer: FilterModel | None = None) -> Check:
-    """What halved integration steps would change at a fit, or those of another filter.
+    """Changes of a fit by halved integration steps, or by those of another filter.
 
     One value of the likelihood tells the innovations that they would leave, and with the derivatives that the fit has
     these make a gradient. Derivatives with halved steps cost ten times as much (on two fits of a vehicle they found
@@ -178,7 +178,7 @@ def certify(fitted: Fit, finer: FilterModel | None = None) -> Check:
 
 
 def _by_innovations(fitted: Fit, finer: FilterModel, own: list[int], covariance: FloatArray) -> Check:
-    """What the innovations with finer steps say with the derivatives that the fit has."""
+    """Changes by the innovations with finer steps, and the derivatives that the fit has."""
     problem, known = replace(fitted.problem, filter_model=finer), fitted.expansion
     with np.errstate(invalid="ignore"):  # of a filter that fails nothing is a number
         around = known.around(problem.terms(fitted.point[:, np.newaxis]))
