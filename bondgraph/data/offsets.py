@@ -49,8 +49,8 @@ def offset_readings(unit: str) -> tuple[OffsetReading, ...]:
 
     Examples
     --------
-    >>> [(one.unit, float(one.of(np.array(20.0)))) for one in offset_readings("K")]
-    [('degC', 293.15), ('degF', 266.48333333333335)]
+    >>> [(one.unit, round(float(one.of(np.array(20.0))), 4)) for one in offset_readings("K")]
+    [('degC', 293.15), ('degF', 266.4833)]
     >>> offset_readings("N")
     ()
     """

@@ -6,6 +6,7 @@ import ast
 
 from bondgraph.errors import ModelError
 from bondgraph.simulate.model import Model
+from bondgraph.syntax import parsed
 
 #: Places of the name and of the way between samples in a row of the inputs of a module.
 _NAME, _WAY = 0, 3
@@ -50,7 +51,7 @@ def running_otherwise(model: Model, **ways: str) -> Model:
 
 def _words(text: str) -> list[tuple[str, ast.expr]]:
     """Names of inputs with the place of the word that says how each runs between samples."""
-    for node in ast.parse(text).body:
+    for node in parsed(text).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "INPUTS":
             rows = node.value.elts if isinstance(node.value, ast.Tuple) else []
             return [(ast.literal_eval(row.elts[_NAME]), row.elts[_WAY]) for row in rows if isinstance(row, ast.Tuple)]

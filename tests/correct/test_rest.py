@@ -44,11 +44,15 @@ def test_what_a_later_round_found_is_not_beyond_detection() -> None:
     """ "Convection at product cannot be detected" stood below "the model lacks convection at product"."""
     seen = [
         SimpleNamespace(effect=name, junction="product", size=np.inf, taken=name == "leak")
-        for name in ("convection", "radiation", "leak")
+        for name in ("convection", "radiation", "leak", "overflow")
     ]
     effect, place = SimpleNamespace(described="convection"), SimpleNamespace(label="product")
     chosen = SimpleNamespace(candidate=SimpleNamespace(effect=effect, place=place))
-    rounds = [SimpleNamespace(detectable=seen, chosen=None), SimpleNamespace(detectable=[], chosen=chosen)]
+    twin = SimpleNamespace(name="overflow", junction="product", indistinguishable=True)  # the law stands for it
+    rounds = [
+        SimpleNamespace(detectable=seen, chosen=None, alternatives=()),
+        SimpleNamespace(detectable=[], chosen=chosen, alternatives=(twin,)),
+    ]
     taken, small = cautions._undetectable(cast("list[Round]", rounds))
     assert taken == "cannot be told from what is free, whatever its size: leak at product"
     assert small == "cannot be detected with these logs unless larger than all else at its place: radiation at product"
