@@ -37,7 +37,7 @@ _HEAD_KEYS = (
 )
 _QUANTITY_KEYS = {
     "inputs": ("name", "unit", "meaning", "default", "interpolation", "letters"),
-    "parameters": ("name", "value", "unit", "meaning", "bounds"),
+    "parameters": ("name", "value", "unit", "meaning", "bounds", "tolerance"),
     "integrals": ("name", "of", "unit", "meaning", "initial"),
     "signals": ("name", "is", "residual", "guess", "unit", "meaning"),
     "outputs": ("name", "variable", "at", "is", "unit", "meaning"),
@@ -167,14 +167,15 @@ class _Reader:
         )
 
     def _parameter(self, record: Mapping[str, Any]) -> None:
-        name, bounds = record["name"], record.get("bounds")
+        name, bounds, tolerance = record["name"], record.get("bounds"), record.get("tolerance")
         limits = None
         if bounds is not None:
             pair = numbers(bounds, f"{name}: bounds")
             if len(pair) != 2:
                 raise DeclarationError(f"{self.where}: {name}: bounds {bounds} must be two numbers", where=(name,))
             limits = (pair[0], pair[1])
-        self.graph.parameter(name, number(record["value"], name), *_unit_and_meaning(record), limits)
+        share = None if tolerance is None else number(tolerance, f"{name}: tolerance")
+        self.graph.parameter(name, number(record["value"], name), *_unit_and_meaning(record), limits, share)
 
     def _table(self, name: str, record: Mapping[str, Any]) -> None:
         where = f"table {name}"

@@ -91,7 +91,8 @@ def _input_record(quantity: Input) -> dict[str, Any]:
 def _parameter_record(quantity: Parameter) -> dict[str, Any]:
     record: dict[str, Any] = {"name": quantity.name, "value": quantity.shown(quantity.value)}
     record |= _without_empty({"unit": quantity.display_unit, "meaning": quantity.meaning})
-    return record | ({"bounds": [quantity.shown(bound) for bound in quantity.bounds]} if quantity.bounds else {})
+    record |= {"bounds": [quantity.shown(bound) for bound in quantity.bounds]} if quantity.bounds else {}
+    return record | ({} if quantity.tolerance is None else {"tolerance": quantity.tolerance})
 
 
 def _signal_record(named: NamedSignal) -> dict[str, Any]:

@@ -95,7 +95,11 @@ class Input(Displayed):
 
 @dataclass(frozen=True)
 class Parameter(Displayed):
-    """A constant with its unit; with ``bounds`` it may be estimated, without it is known and stays fixed."""
+    """A constant with its unit; with ``bounds`` it may be estimated, without it is known and stays fixed.
+
+    ``tolerance`` is the share of the value by which a known one may be off, two standard deviations; 0 says that it is
+    exact, None that nothing is said of it.
+    """
 
     name: str
     value: float
@@ -103,6 +107,7 @@ class Parameter(Displayed):
     meaning: str = ""
     bounds: tuple[float, float] | None = None
     shown_unit: str = ""
+    tolerance: float | None = None
 
     @property
     def symbol(self) -> Symbol:

@@ -52,6 +52,18 @@ def check_quantity(quantity: Quantity, graph: str) -> None:
             raise DeclarationError(f"{where}: {label} {value} must be a finite number", where=(name,))
     if isinstance(quantity, Parameter) and quantity.bounds is not None:
         _check_bounds(quantity, where)
+    if isinstance(quantity, Parameter) and quantity.tolerance is not None:
+        _check_tolerance(quantity, where)
+
+
+def _check_tolerance(parameter: Parameter, where: str) -> None:
+    tolerance = parameter.tolerance
+    if not (isinstance(tolerance, (int, float)) and 0.0 <= tolerance < 1.0):
+        raise DeclarationError(
+            f"{where}: tolerance {tolerance!r} must be a share of the value, from 0 (exact) to below 1 - "
+            "give 0.04 for four percent",
+            where=(parameter.name,),
+        )
 
 
 def _check_coherent(unit: str) -> None:

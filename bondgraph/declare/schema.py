@@ -34,6 +34,7 @@ _KEYS: dict[str, Schema] = {
     "value": _NUMBER,
     "default": {"type": ["number", "null"]},
     "bounds": {"type": ["array", "null"], "items": _NUMBER, "minItems": 2, "maxItems": 2},
+    "tolerance": {"type": ["number", "null"], "minimum": 0, "exclusiveMaximum": 1},
     "interpolation": {"enum": list(get_args(Interpolation))},
     "letters": {"type": "object", "additionalProperties": _NUMBER},
     "x": _NUMBERS,

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 #: Names that the generated text uses itself.
 RESERVED = frozenset(
     {"np", "math", "t", "x", "u", "theta", "dx", "y", "rhs", "output", "range", "len", "enumerate", "out_"}
-    | {"NAME", "FORMAT", "STATES", "INPUTS", "PARAMETERS", "OUTPUTS", "SHOWN_UNITS", "ZERO_DEFAULTS"}
+    | {"NAME", "FORMAT", "STATES", "INPUTS", "PARAMETERS", "OUTPUTS", "SHOWN_UNITS", "ZERO_DEFAULTS", "TOLERANCES"}
 )
 _ROWS = re.compile(r"(dx|y)\d+\Z")
 

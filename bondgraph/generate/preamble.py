@@ -28,6 +28,7 @@ def preamble(equations: StateEquations) -> str:
             *_zero_defaults(equations),
             "# name, unit, value, lower and upper bound (None: known, stays fixed), meaning",
             _table("PARAMETERS", _parameter_rows(equations)),
+            *_tolerances(equations),
             "# name, unit, meaning",
             _table("OUTPUTS", _output_rows(equations)),
             *_starts(equations),
@@ -135,6 +136,14 @@ def _parameter_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
             number(upper, f"upper bound of {item.name}"),
             string(item.meaning),
         )
+
+
+def _tolerances(equations: StateEquations) -> list[str]:
+    """The shares by which known parameters may be off; nothing where none are declared."""
+    known = [(item.name, item.tolerance) for item in equations.parameters if item.tolerance is not None]
+    rows = [(string(name), number(share, f"tolerance of {name}")) for name, share in known]
+    comment = "# parameter, share of its value by which it may be off (two standard deviations; 0: exact)"
+    return [comment, _table("TOLERANCES", rows)] if rows else []
 
 
 def _output_rows(equations: StateEquations) -> Iterable[Sequence[str]]:

@@ -21,7 +21,7 @@ from bondgraph.compile.loader import parse_module, require_function, run_module
 from bondgraph.errors import ModelError, require_kind, suggest
 from bondgraph.simulate.model_checks import check_rows, check_shapes
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StartInfo, StateInfo
-from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, rows, shown_rows
+from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, parameter_rows, rows, shown_rows
 from bondgraph.text import count
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class Model:
             doc=str(names.get("__doc__") or ""),
             states=shown_rows(names, "STATES", StateInfo, source),
             inputs=input_rows(names, InputInfo, source),
-            parameters=shown_rows(names, "PARAMETERS", ParameterInfo, source),
+            parameters=parameter_rows(names, ParameterInfo, source),
             outputs=shown_rows(names, "OUTPUTS", OutputInfo, source),
             _rhs=require_function(names, "rhs", source),
             _output=require_function(names, "output", source),

@@ -62,7 +62,10 @@ class InputInfo(Displayed):
 
 @dataclass(frozen=True)
 class ParameterInfo(Displayed):
-    """One parameter: its value and its bounds; without bounds it was measured and stays fixed."""
+    """One parameter: its value and its bounds; without bounds it was measured and stays fixed.
+
+    ``tolerance`` is the share of its value by which it may be off, two standard deviations, where that is declared.
+    """
 
     name: str
     unit: str
@@ -71,6 +74,7 @@ class ParameterInfo(Displayed):
     upper: float | None
     meaning: str
     shown_unit: str = ""
+    tolerance: float | None = None
 
 
 @dataclass(frozen=True)

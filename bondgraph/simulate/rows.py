@@ -83,6 +83,13 @@ def shown_rows(names: Mapping[str, Any], table: str, kind: type[_Shown], source:
     return tuple(found)
 
 
+def parameter_rows(names: Mapping[str, Any], kind: type[_Shown], source: str) -> tuple[_Shown, ...]:
+    """The parameters of a module; those listed in ``TOLERANCES`` are known to a declared share of their value."""
+    known = dict(names.get("TOLERANCES", ()))
+    found: list[Any] = list(shown_rows(names, "PARAMETERS", kind, source))
+    return tuple(dataclasses.replace(info, tolerance=known.get(info.name)) for info in found)
+
+
 def input_rows(names: Mapping[str, Any], kind: type[_Shown], source: str) -> tuple[_Shown, ...]:
     """The inputs of a module; those listed in ``ZERO_DEFAULTS`` have a declared default of zero.
 

@@ -25,12 +25,12 @@ NOISE = {"speed": 0.02, "force": 1.5}
 FUNCTIONS: tuple[EffectFunction, ...] = (effects.constant_effort, effects.quadratic_loss, effects.added_inertia)
 
 
-def sled() -> BondGraph:
-    """The declared sled: viscous friction of unknown size, no air drag."""
+def sled(tolerance: float | None = None) -> BondGraph:
+    """The declared sled: viscous friction of unknown size, no air drag, a mass known to a tolerance."""
     g = BondGraph("sled", doc="a motor pulls a sled over a drum")
     torque = g.input("torque", "N m", "torque of the motor")
     r_drum = g.parameter("r_drum", 0.3, "m", "radius of the drum")
-    m_sled = g.parameter("m_sled", 40.0, "kg", "sled, weighed")
+    m_sled = g.parameter("m_sled", 40.0, "kg", "sled, weighed", tolerance=tolerance)
     c_guide = g.parameter("c_guide", 12.0, "N s/m", "friction of the guide", (2.0, 60.0))
     drum = g.one_junction("drum", ROTATION)
     runner = g.one_junction("runner", TRANSLATION)
@@ -88,8 +88,8 @@ def pull(
     return MatchedLog(name, time, levels[np.newaxis], run.y + std[:, np.newaxis] * noise)
 
 
-def fitted(logs: list[MatchedLog]) -> Fit:
-    """The declared sled, fitted."""
-    own = built()
+def fitted(logs: list[MatchedLog], graph: BondGraph | None = None) -> Fit:
+    """The declared sled, fitted, or another one."""
+    own = built() if graph is None else build(graph)
     setup = filter_setup(own.model, own.driven, logs)
     return fit(EstimationProblem(setup.filter_model, tuple(logs), (*free_parameters(setup, ()), *setup.noise)))

@@ -80,6 +80,19 @@ def test_given_constants_are_those_that_no_fit_moves() -> None:
     assert mass.prior_mean == 40.0 and mass.prior_std == pytest.approx(0.5 * TOLERANCE * 40.0)
 
 
+def test_a_constant_counts_as_known_to_its_declared_tolerance() -> None:
+    """A mass 3 % off is no answer where a percent, or nothing, is left open of it: then a law is."""
+    for tolerance in (0.01, 0.0):
+        weighed, true = sled(tolerance), with_values(sled(tolerance), {"m_sled": 41.2})
+        base = fitted([pull(true, 3)], weighed)
+        found = {one.name: one for one in given_constants(base)}
+        assert set(found) == ({"r_drum", "m_sled"} if tolerance else {"r_drum"})
+        if tolerance:
+            assert (found["m_sled"].lower, found["m_sled"].upper) == pytest.approx((39.6, 40.4))
+    closed = close_loop(sled(0.0), [pull(with_values(sled(), {"m_sled": 41.2}), 8, samples=4000)], [], FUNCTIONS)
+    assert "m_sled" not in {one.name for one in closed.constants}
+
+
 def test_right_constants_promise_nothing() -> None:
     """Of a sled that is as declared no constant promises more than chance gives it."""
     given = promising(sled_fit())

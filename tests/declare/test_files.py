@@ -227,6 +227,8 @@ MALFORMED = [
     (["graph", "parameters", 0, "value"], float("nan"), "must be a finite number"),
     (["graph", "parameters", 0, "bounds"], [1], "must be two numbers"),
     (["graph", "parameters", 0, "bounds"], "x", "a list of numbers"),
+    (["graph", "parameters", 0, "tolerance"], "x", "expected a number"),
+    (["graph", "parameters", 0, "tolerance"], 4.0, "must be a share of the value"),
     (["graph", "parameters", 0, "bounds"], [1.0, 0.0], "the lower first"),
     (["graph", "parameters", 0, "name"], "R_a", "declared twice"),
     (["graph", "parameters", 0, "name"], "2x", "use letters, digits and underscores"),

@@ -95,6 +95,11 @@ REFUSED = {
         lambda g: g.parameter("x", 3, "m", bounds=(0, 1)),
         "value 3.0 m lies outside its bounds (0.0, 1.0)",
     ),
+    "a tolerance in percent": (
+        lambda g: g.parameter("x", 3, "m", tolerance=4),
+        "x: tolerance 4 must be a share of the value, from 0 (exact) to below 1 - give 0.04 for four percent",
+    ),
+    "a tolerance below zero": (lambda g: g.parameter("x", 3, "m", tolerance=-0.1), "tolerance -0.1 must be a share"),
     "bounds the wrong way round": (lambda g: g.parameter("x", 3, "m", bounds=(5, 1)), "the lower first"),
     "an unknown symbol": (lambda g: g.resistance("r", sympy.Symbol("b", real=True)), "'b' is not declared"),
     "a symbol of another kind": (lambda g: g.measure("y", sympy.Symbol("x", real=True), ""), "'x' is not declared"),

@@ -112,7 +112,8 @@ def test_an_unknown_key_anywhere_is_refused_by_both(schema: Any) -> None:
     ("path", "value"),
     [
         (("graph", "format"), "bondgraph/2"), (("graph", "parameters", 0, "value"), "two"), (("directed",), False),
-        (("graph", "parameters", 0, "bounds"), [1.0]), (("nodes", 0, "kind"), "Q"), (("nodes", 0, "id"), 3),
+        (("graph", "parameters", 0, "bounds"), [1.0]), (("graph", "parameters", 0, "tolerance"), 4.0),
+        (("nodes", 0, "kind"), "Q"), (("nodes", 0, "id"), 3),
         (("graph", "inputs", 0, "unit"), 7), (("graph", "outputs", 0, "variable"), "speed"), (("bonds", 0), {}),
         (("nodes", 2, "ports"), 0), (("nodes", 1, "domain"), "electric"),
     ],

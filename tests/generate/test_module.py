@@ -21,6 +21,8 @@ from scipy.optimize import brentq
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.functions import table_function
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.json_reader import graph_from_json
+from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.declare.quantities import Input, Parameter, Table, symbol
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, State, StateEquations
 from bondgraph.errors import GenerationError
@@ -352,6 +354,18 @@ def test_two_loops_of_one_name_are_refused(equations: Equations) -> None:
 
     with pytest.raises(GenerationError, match="small: two loops are called 'l'"):
         render(equations(assignments=(loop("b"), loop("c"))))
+
+
+def test_a_module_says_how_well_a_parameter_is_known() -> None:
+    g = BondGraph("cart")
+    body = g.one_junction("body", TRANSLATION)
+    g.inertance("mass", g.parameter("m", 2.0, "kg", tolerance=0.04), at=body)
+    weight = g.parameter("m_load", 1.0, "kg") * g.parameter("gravity", 9.81, "m/s^2", tolerance=0.0)
+    g.effort_source("weight", -weight, at=body)
+    assert graph_from_json(graph_to_json(g)) == g
+    text = render_graph(g).text
+    known = {one.name: one.tolerance for one in Model.from_text(text).parameters}
+    assert known == {"m": 0.04, "m_load": None, "gravity": 0.0}
 
 
 def test_a_module_says_which_defaults_of_zero_are_declared() -> None:

@@ -128,15 +128,17 @@ def promising(base: Fit) -> Given:
 def given_constants(base: Fit) -> tuple[FreeParameter, ...]:
     """Parameters of a model that are not free in a fit, each with what is left open of it, two standard deviations.
 
-    A parameter that is zero says that something is absent, and one that the filter follows is no constant.
+    That is its declared tolerance, or ten percent. A parameter that is zero says that something is absent, one that is
+    exact is no rival of a law, and one that the filter follows is no constant.
     """
     problem = base.problem
     known = {*problem.names, *problem.filter_model.appended}
     found = []
     for info, value in zip(problem.filter_model.model.parameters, base.theta, strict=True):
-        if info.name in known or not value or not np.isfinite(value):
+        share = TOLERANCE if info.tolerance is None else info.tolerance
+        if info.name in known or not value * share or not np.isfinite(value):
             continue
-        middle, reach = float(value), TOLERANCE * abs(float(value))
+        middle, reach = float(value), share * abs(float(value))
         found.append(FreeParameter(info.name, middle - reach, middle + reach, middle, middle, 0.5 * reach))
     return tuple(found)
 
