@@ -2,7 +2,7 @@
 
 An element added to a graph can change which variables its loops are solved for, and a loop that divides by a modulus
 that reaches zero (an open clutch, a gear in neutral) gives no number any more although nothing was added. Such a
-candidate cannot be scored, and is named instead of silently spoiling the model that holds several candidates.
+candidate cannot be scored, and is named instead.
 """
 
 from __future__ import annotations

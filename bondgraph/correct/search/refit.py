@@ -26,7 +26,6 @@ from bondgraph.estimate.local import fit, left_open
 from bondgraph.estimate.noise_starts import quiet_start
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import ROUGH, ROUGH_ITERATIONS
-from bondgraph.filter.filter_model import FilterModel
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 25
@@ -130,12 +129,12 @@ def looked_closer(done: Trial, context: Context, lead: Fit | None = None, tried:
     return done
 
 
-def prepared(trial: Trial, context: Context, shared: FilterModel | None = None) -> tuple[BuiltModel, EstimationProblem]:
+def prepared(trial: Trial, context: Context) -> Prepared:
     """The model with a candidate in it, and the problem of its refit."""
     built = build(trial.candidate.apply(context.built.graph))
     if trial.candidate.effect.adds_state:
         return built, storage_problem(trial, built, context)
-    filter_model = shared or replace(context.base.problem.filter_model, model=built.model)
+    filter_model = replace(context.base.problem.filter_model, model=built.model)
     free = (*at_optimum(context.base), *coefficients(trial.candidate, filter_model))
     return built, EstimationProblem(filter_model, context.train, free, context.base.problem.initial)
 

@@ -20,8 +20,7 @@ from bondgraph.correct.constants import INDIFFERENT, OPTIMISM, UPPER
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.models.failures import FAILURES, attempted
-from bondgraph.correct.models.superset import superset
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.correct.search.events import context_in_part
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap, predicted_in_its_place
@@ -33,7 +32,6 @@ from bondgraph.estimate.derivatives.exact import compile_exact
 from bondgraph.estimate.local import Report
 from bondgraph.execute.threads import in_threads
 from bondgraph.filter.compiled import CompiledFilter
-from bondgraph.filter.filter_model import FilterModel
 
 #: Candidates of stiff models that are refitted at once, whatever the machine, so that results do not depend on it.
 _ABREAST = 2
@@ -84,9 +82,8 @@ class Entry:
 class Search:
     """State of a search: its candidates, and how right predictions have been.
 
-    ``ratios`` are achieved over predicted gains, by class; ``spent`` counts refits; ``shared`` is the filter of one
-    model with the most promising candidates; ``groups`` are the numbers of groups of equal responses, by candidate, as
-    each fit sees them; ``where`` are the places of the graph.
+    ``ratios`` are achieved over predicted gains, by class; ``spent`` counts refits; ``groups`` are the numbers of
+    groups of equal responses, by candidate, as each fit sees them; ``where`` are the places of the graph.
     """
 
     entries: list[Entry]
@@ -94,7 +91,6 @@ class Search:
     context: Context
     ratios: dict[str, list[float]] = field(default_factory=lambda: {kind: [x] for kind, x in OPTIMISM.items()})
     spent: int = 0
-    shared: FilterModel | None = None
     groups: list[dict[int, int]] = field(default_factory=list)
     where: tuple[Place, ...] = ()
 
@@ -124,7 +120,6 @@ class Search:
 def searched(search: Search, most: int, report: Report) -> list[Trial]:
     """The trials, those refitted that could be the best, ``most`` of them at most."""
     abreast = _ABREAST if search.context.base.problem.filter_model.is_stiff else 1
-    search.shared = search.shared or _shared(search, most)
     leader = choose(search.trials, search.context.level)
     while search.spent < most:
         due = _due(search)[: min(abreast, most - search.spent)]
@@ -158,7 +153,7 @@ def _refit(search: Search, due: Sequence[int]) -> None:
     best = choose(search.trials, search.context.level)
     lead = None if best is None else best.fit
     contexts = [_context(search, search.entries[j].trial) for j in due]
-    made = [_prepared(search, search.entries[j].trial, one) for j, one in zip(due, contexts, strict=True)]
+    made = [_prepared(search.entries[j].trial, one) for j, one in zip(due, contexts, strict=True)]
     found: dict[int, Trial] = {}
 
     def work(k: int) -> None:
@@ -201,15 +196,14 @@ def _context(search: Search, trial: Trial) -> Context:
     return search.context if trial.gate is None else context_in_part(trial.candidate, trial.gate, search.context)
 
 
-def _prepared(search: Search, trial: Trial, context: Context) -> Prepared | str:
+def _prepared(trial: Trial, context: Context) -> Prepared | str:
     """The model and the problem of a refit, compiled before threads start, or why there is none.
 
     Compiling parses Python text, which CPython 3.11 cannot do in two threads at once.
     """
 
     def make() -> Prepared | str:
-        shared = search.shared if search.shared is not None and _holds(search.shared, trial) else None
-        ready = prepared(trial, context, shared)
+        ready = prepared(trial, context)
         if has_numba():
             CompiledFilter.of(ready[1].filter_model)
             if ready[1].filter_model.is_stiff:
@@ -285,32 +279,3 @@ def _grouped(search: Search, leader: Trial | None) -> list[Trial]:
     return [
         one if one.instead is None or one.instead[0] == label else replace(one, instead=None) for one in search.trials
     ]
-
-
-def _shared(search: Search, most: int) -> FilterModel | None:
-    """The filter of one model that holds the most promising candidates, so that it is compiled once.
-
-    None where they do not fit beside each other, and of stiff models, whose filters are costly to run.
-    """
-    context = search.context
-    if context.base.problem.filter_model.is_stiff:
-        return None
-    ranked = [search.entries[j].trial for j in _due(search)]
-    plain = [
-        one.candidate
-        for one in ranked
-        if one.gate is None and not (one.candidate.effect.adds_state or one.candidate.effect.regime)
-    ][:most]
-    if len(plain) < 2:
-        return None
-    try:
-        return replace(context.base.problem.filter_model, model=superset(context.built, plain).model)
-    except FAILURES:
-        return None
-
-
-def _holds(filter_model: FilterModel, trial: Trial) -> bool:
-    """True where a model has a candidate in it, which may not fit beside the others."""
-    effect = trial.candidate.effect
-    known = set(filter_model.model.names("parameter"))
-    return trial.gate is None and not (effect.adds_state or effect.regime) and set(effect.parameters) <= known
