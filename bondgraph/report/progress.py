@@ -2,7 +2,7 @@
 
 Each stage that is finished leaves a line that stays.
 
-Nothing is written where the output is not a terminal, so that logs and pipes stay clean.
+Where the output is no terminal, a file says once a minute how far the work is: logs and pipes of short work stay clean.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ from rich.text import Text
 
 from bondgraph.estimate.objective import TraceRow
 from bondgraph.report.numbers import shown
+
+#: Seconds between lines where the output is no terminal: often enough to see that work goes on. A convention.
+_EVERY = 60.0
 
 
 class _Rate(RichColumn):
@@ -65,7 +68,8 @@ class WorkProgress:
     def __init__(self, what: str, total: int | None, unit: str = "", console: Console | None = None) -> None:
         self.console = console or Console(stderr=True)
         self.done, self.best, self._stage = 0, math.inf, ""
-        self._unit, self._begun, self._stage_begun = unit, time.monotonic(), time.monotonic()
+        self._what, self._unit, self._total = what, unit, total
+        self._begun = self._stage_begun = self._told = time.monotonic()
         columns = (
             SpinnerColumn(),
             TextColumn("{task.description}"),
@@ -103,6 +107,7 @@ class WorkProgress:
             self.best = best
         text = f"best {shown(self.best, 6)}" if math.isfinite(self.best) else ""
         self._progress.update(self._task, completed=done, best=text)
+        self._tell()
 
     def describe(self, what: str) -> None:
         """Say what is being done now."""
@@ -114,8 +119,21 @@ class WorkProgress:
             self._finish_stage()
             self._stage, self.best = name, math.inf
             self._progress.reset(self._task, total=total, description=name)
-        self.done = done
+        self.done, self._total = done, total
         self._progress.update(self._task, completed=done, total=total)
+        self._tell()
+
+    def _tell(self) -> None:
+        """A line on where the work is, if the output is no terminal and the last one is a minute old."""
+        now = time.monotonic()
+        if self.console.is_terminal or now - self._told < _EVERY:
+            return
+        self._told = now
+        of = f"/{self._total}" if self._total else ""
+        best = f", best {shown(self.best, 6)}" if math.isfinite(self.best) else ""
+        done = f"{self.done}{of} {self._unit}".rstrip()
+        line = f"{_clock(now - self._begun)}  {self._stage or self._what}: {done}{best}"
+        self.console.print(line, highlight=False, markup=False)
 
     def _finish_stage(self) -> None:
         """Leave a line on the stage that ends: when it ended, what it was, its steps, its time and its best."""

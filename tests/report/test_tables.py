@@ -116,7 +116,24 @@ def test_changes_are_signed_and_never_rounded_to_complete() -> None:
     assert change(math.nan, 1.0) == "–"
 
 
-def test_progress_writes_nothing_where_there_is_no_terminal() -> None:
+def test_progress_writes_a_line_a_minute_where_there_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten minutes of a closed loop into a file left nothing to see but its end."""
+    now = [100.0]
+    monkeypatch.setattr("bondgraph.report.progress.time.monotonic", lambda: now[0])
+    output = io.StringIO()
+    with WorkProgress("closing the loop", None, "", Console(file=output, force_terminal=False)) as work:
+        for second, done in ((30, 1), (70, 3), (100, 4), (131, 5)):
+            now[0] = 100.0 + second
+            work.stage("refit the best candidates", done, 12)
+        now[0] += 100.0
+        work.reach(9, 12.5)
+    assert output.getvalue().splitlines() == [
+        "0:01:10  refit the best candidates: 3/12", "0:02:11  refit the best candidates: 5/12",
+        "0:03:51  refit the best candidates: 9/12, best 12.5000",
+    ]  # fmt: skip
+
+
+def test_short_work_writes_nothing_where_there_is_no_terminal() -> None:
     output = io.StringIO()
     console = Console(file=output, force_terminal=False)
     with WorkProgress("searching", 100, "evaluations", console) as work, status("thinking", console):
