@@ -340,12 +340,12 @@ def yielding(g: BondGraph, at: Place) -> tuple[Node, Expr] | None:
     found = elements_at(g, at, "R")
     law = found[0].law("effort") if len(found) == 1 else None
     coefficient = None if law is None else linear_coefficient(law, symbol("flow"))
-    if coefficient is None or not _gives_flow(g, found[0].name):
+    if coefficient is None or not gives_flow(g, found[0].name):
         return None
     return found[0], coefficient
 
 
-def _gives_flow(g: BondGraph, resistance: str) -> bool:
+def gives_flow(g: BondGraph, resistance: str) -> bool:
     """Whether causality lets a resistance give a flow to its junction."""
     causal = assign_causality(g)
     own = next(k for k, bond in enumerate(causal.bonds) if resistance in (bond.source, bond.target))
