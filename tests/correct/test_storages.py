@@ -6,8 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
 
+import bondgraph as bg
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence import confirm
@@ -21,7 +24,7 @@ from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.correct.search import storages
 from bondgraph.correct.search.refit import refit
 from bondgraph.correct.search.storages import trial_size
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Place, Scale
@@ -150,3 +153,56 @@ def test_the_damping_of_a_compliance_is_estimated_and_a_rigid_machine_is_worth_n
     assert {name: tried.fit.values[name] for name in truth} == pytest.approx(truth, rel=0.1)
     assert 100.0 < seen.trial.score_gain < tried.gain
     assert trial_size(Trial(candidate, 0.0), rigid).trial.score_gain < 5.0
+
+
+def fountain() -> bg.BondGraph:
+    """A pump behind a drive, water in a pipe, a standpipe with a nozzle; the drive is said to follow at once."""
+    g = bg.BondGraph("fountain")
+    command = g.input("c", "1", hold=True)
+    head = g.parameter("P", 9e4, "Pa", "", (4e4, 3e5))
+    water = g.parameter("I", 1.2e7, "kg/m^4", "", (2e6, 1e8))
+    strainer = g.parameter("R", 1.5e7, "Pa s/m^3", "", (2e6, 1e8))
+    nozzle = g.parameter("Rn", 3e7, "Pa s/m^3", "", (5e6, 2e8))
+    pipe, stand = g.one_junction("pipe", bg.HYDRAULIC), g.zero_junction("stand", bg.HYDRAULIC)
+    g.effort_source("pump", head * command, at=pipe)
+    g.inertance("column", water, at=pipe, state="Q")
+    g.resistance("strainer", lambda flow: strainer * flow, at=pipe)
+    g.bond(pipe, stand)
+    g.compliance("standpipe", lambda volume: volume / g.parameter("C", 2e-8, "m^3/Pa"), at=stand, state="V")
+    g.resistance("nozzle", flow=lambda effort: effort / nozzle, at=stand)
+    g.measure_flow("flow", pipe, unit="L/s")
+    g.measure_effort("head", stand, unit="mbar")
+    return g
+
+
+def song(seed: int) -> bg.Log:
+    """The fountain by scipy: its drive turns up no faster than by 0.42 of its range a second."""
+    chance, time = np.random.default_rng(seed), 0.1 * np.arange(900)
+    steps = np.round(np.repeat(chance.uniform(0.0, 1.0, 30), 30), 2)
+
+    def rate(t: float, x: FloatArray) -> FloatArray:
+        wanted = steps[min(int(t / 0.1 + 1e-9), time.size - 1)]
+        flow, level, given = x
+        return np.array([
+            (1.3e5 * given - 2.2e7 * flow - level) / 1.9e7, (flow - level / 4.2e7) / 2e-8,
+            0.42 * np.tanh((wanted - given) / 0.02),
+        ])  # fmt: skip
+
+    x = solve_ivp(rate, (0.0, time[-1]), np.zeros(3), t_eval=time, rtol=1e-7, atol=1e-9, max_step=0.05).y
+    table = {"time [s]": time, "c [1]": steps, "flow [L/s]": 1e3 * x[0] + chance.normal(0.0, 0.06, time.size)}
+    table |= {"head [mbar]": 0.01 * x[1] + chance.normal(0.0, 15.0, time.size)}
+    return bg.Log.from_dataframe(pd.DataFrame(table), name=f"song{seed}")
+
+
+def test_a_storage_is_refitted_where_another_one_at_its_place_leads() -> None:
+    """The pipe ends on its bound where a command is late. A lag leads there, and a limit of the rate promises 3 nats.
+
+    From the declared values it gains twice as much as the lag.
+    """
+    functions = (effects.actuator_lag, effects.actuator_rate_limit, effects.actuator_scale, effects.quadratic_loss)
+    closed = bg.close_loop(fountain(), [song(1), song(2)], effects=functions)
+    assert [one.trial.candidate.label for one in closed.added] == ["actuator_rate_limit at pipe"]
+    time = closed.corrected.values[closed.added[0].coefficients[0]]
+    model = closed.corrected.problem.filter_model.model
+    (largest,) = (one.value for one in model.parameters if one.name.startswith("range_"))
+    assert largest / time / closed.corrected.values["P"] == pytest.approx(0.42, rel=0.05)

@@ -40,10 +40,14 @@ _TOLERANCE, _MOST_ITERATIONS = 0.5, 60
 
 @dataclass(frozen=True)
 class Prediction:
-    """Gain in nats that an incumbent predicts for the fit of a candidate, and points (n,) from which that may start."""
+    """Gain in nats that an incumbent predicts for the fit of a candidate, and points (n,) from which that may start.
+
+    ``blind``: nothing is predicted, and the gain says only that a fit is due.
+    """
 
     gain: float
     starts: tuple[FloatArray, ...]
+    blind: bool = False
 
 
 def predicted_by_scores(

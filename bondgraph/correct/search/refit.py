@@ -2,7 +2,7 @@
 
 Successive halving (Jamieson and Talwalkar 2016, AISTATS): all starts by their value on the beginnings of long logs, a
 rough search there from the best of them and from little process noise, and the whole logs only for what is not clearly
-behind.
+behind. A model that is not stiff is searched from little process noise where its fit falls short of what was predicted.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from typing import TypeAlias
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.correct.constants import MOSTLY
 from bondgraph.correct.evidence.context import Context, coefficients, declared_point, inside
 from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.replaced import in_place_of_elements
 from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.search.storages import sizes, started_anew, storage_problem
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.excerpt import excerpt, on_beginnings
@@ -53,6 +55,7 @@ def refit(
     lead: Fit | None = None,
     ready: Prepared | None = None,
     tried: int | None = None,
+    promised: float = 0.0,
 ) -> Trial:
     """The trial with its fit and its evidence, or with the remark that it is clearly behind.
 
@@ -70,6 +73,9 @@ def refit(
         What :func:`prepared` gave for it, if somebody has it.
     tried
         How many candidates it was picked from, if not what the round tried.
+    promised
+        Nats that it was predicted to gain. A fit that gains less than most of it is tried again from the declared
+        values, with little process noise.
 
     Raises
     ------
@@ -78,7 +84,8 @@ def refit(
     """
     built, problem = ready or prepared(trial, context)
     points = _spread(starts or [problem.start], problem, trial, context)
-    first = _quiet_beginning(problem, context)
+    quiet = _quiet_beginning(problem, context)
+    first = quiet if problem.filter_model.is_stiff else None  # their fits are costly, and one must do
     part = excerpt(problem)
     if part is not None:
         begun = fit(part, ROUGH_ITERATIONS, ROUGH, points, journal=context.journal, first=first)
@@ -92,6 +99,8 @@ def refit(
     beat = context.base.nll - context.required  # what cannot pass the tests need not be finished
     beat = beat if lead is None else min(beat, lead.nll)
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
+    if first is None and quiet is not None and context.base.nll - fitted.nll < MOSTLY * promised:
+        fitted = _or_from(quiet, fitted, beat, context)
     if trial.candidate.effect.adds_state:
         fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal, beat)
     done = _judged(replace(trial, built=built, failed=""), fitted, context, tried)
@@ -102,6 +111,15 @@ def refit(
     assert done.evidence is not None  # it was judged
     passes = instead.evidence is not None and instead.evidence.accepted(context.level)
     return instead if passes or not done.evidence.accepted(context.level) else done
+
+
+def _or_from(quiet: FloatArray, fitted: Fit, beat: float, context: Context) -> Fit:
+    """The better one of a fit and the same from where little process noise leads (n,)."""
+    again = attempted(
+        lambda: fit(fitted.problem, _MOST_ITERATIONS, _TOLERANCE, [fitted.point], beat, context.journal, quiet),
+        lambda why: fitted,
+    )
+    return again if again.nll < fitted.nll else fitted
 
 
 def _judged(trial: Trial, fitted: Fit, context: Context, tried: int | None) -> Trial:
