@@ -17,15 +17,23 @@ from bondgraph.report.words import law_title
 def headline_name(closed: ClosedLoop, added: Added) -> str:
     """An added law as a headline names it: a formula is written, a law of the dictionary called by its name.
 
-    Of a law that has a form of its own it is said how far that is from its name.
+    Of a law that has a form of its own it is said how far that is from its name; of a sum of laws each is named.
     """
-    formula = formula_of(added.trial.candidate.function)
+    formula, laws = formula_of(added.trial.candidate.function), _laws_of(added.trial)
+    if len(laws) > 1:
+        return f"the sum of {', '.join(laws[:-1])} and {laws[-1]} at {added.trial.candidate.place.label}"
     if added.trial.forms:
         own, away = law_title(named(added, closed.corrected)), _percent_away(added, closed)
         return f"{own} in a form of its own{f', {away} % from it' if away else ''}"
     if formula is None:
         return law_title(named(added, closed.corrected))
     return f"a formula at {formula.place.label} ({formula.text(closed.corrected.values)})"
+
+
+def _laws_of(law: Trial) -> list[str]:
+    """Names of the laws of the dictionary that a form is the sum of, each once."""
+    parts = [one.candidate for one in law.forms if formula_of(one.candidate.function) is None]
+    return list(dict.fromkeys(law_title(one.effect.name) for one in parts))
 
 
 def _percent_away(added: Added, closed: ClosedLoop) -> int:
@@ -60,7 +68,10 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
     law = added.trial
     if not law.forms:
         return ""
-    text, share = form_text(added, closed), _percent_away(added, closed)
+    text, share, laws = form_text(added, closed), _percent_away(added, closed), _laws_of(law)
+    if len(laws) > 1 and text:
+        whole = f"Of {', '.join(laws[:-1])} and {laws[-1]} at {law.candidate.place.label} these logs tell the sum alone"
+        return f"{whole}: {text}."
     said = f"{law_title(law.candidate.label)} has a form of its own: "
     said += text or " and ".join(f"{law_title(one.candidate.effect.name)} ({_law(closed, one)})" for one in law.forms)
     first = law.forms[0].candidate.effect.name

@@ -18,7 +18,7 @@ from bondgraph.correct.shapes.forms import joined
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.report.closed_loop import all_series, explanation, on_bounds, structure_lines, summary
-from bondgraph.report.formulas import headline_name
+from bondgraph.report.formulas import formula_sentences, headline_name
 from bondgraph.report.html import write_report
 from bondgraph.report.series import Power
 from bondgraph.report.unknown import shape_sentence
@@ -73,6 +73,21 @@ def test_a_form_of_its_own_is_named_with_how_far_it_is_from_its_name() -> None:
         patch.setattr("bondgraph.report.formulas.departs", lambda added, closed: 0.118)
         said = "The declared model lacks quadratic_loss at runner in a form of its own, 12 % from it"
         assert explanation(far).startswith(said)
+
+
+def test_a_sum_of_laws_of_one_signal_is_named_by_all_of_them() -> None:
+    """Drag and dry friction of a bicycle were called "stribeck_loss at road in a form of its own, 47 % from it"."""
+    log = pull(added(effects.quadratic_loss, "runner", 1.0), 8, samples=1000)
+    closed = close_loop(sled(), [log], [], (effects.quadratic_loss,))
+    (found,) = closed.added
+    other = replace(found.trial.candidate, effect=replace(found.trial.candidate.effect, name="coulomb_loss"))
+    both = replace(closed, added=(replace(found, trial=joined(found.trial, replace(found.trial, candidate=other))),))
+    said = explanation(both)
+    assert said.startswith("The declared model lacks the sum of quadratic_loss and coulomb_loss at runner")
+    assert any(
+        line.startswith("Of quadratic_loss and coulomb_loss at runner these logs tell the sum alone: effort = ")
+        for line in formula_sentences(both)
+    )
 
 
 def test_noise_with_a_memory_is_noise_of_its_sensor() -> None:
