@@ -1,4 +1,4 @@
-"""Formulas in a report: the law with its numbers, its name in other words, what the declared model had taken of it."""
+"""Formulas in a report: the law with its numbers, its name in other words, which parameters had stood in for it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import departs, form_text, intervals
 from bondgraph.correct.round import Round
 from bondgraph.correct.shapes.formula import formula_of
-from bondgraph.correct.shapes.words import lies_in, other_words
+from bondgraph.correct.shapes.words import moved_parameters, other_words
 from bondgraph.report.regimes import named
 from bondgraph.report.words import law_title
 
@@ -58,8 +58,8 @@ def _sentence(closed: ClosedLoop, added: Added) -> str:
     said += f", known as {known}" if known else ""
     turn = round_of(closed, added)
     if turn is not None and added.trial.fit is not None:
-        parts = lies_in(turn.base, added.trial.fit, closed.nominal_built.graph)
-        said += "".join(f"; {amount} of it had lain in {where}" for where, amount in parts)
+        moved = moved_parameters(turn.base, added.trial.fit, closed.nominal_built.graph)
+        said += "".join(f"; beside it {name} is {now}, {before} without" for name, now, before in moved)
     return f"{said}."
 
 

@@ -57,6 +57,20 @@ def test_steps_that_are_too_long_are_told() -> None:
     )
 
 
+def test_the_time_in_which_noise_forgets_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An answer said that T_disturbance_sensor_drum_vacuum would move by 5.7 standard deviations."""
+    log = drawn(0.0)
+    setup = setup_of(log)
+    problem = EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise))
+    fine = fit(problem)
+    coarse = replace(fine.problem, filter_model=replace(setup.filter_model, method="ros2", substeps=1, grading=1.0))
+    rough = replace(fine, problem=coarse, expansion=expand(coarse, fine.point, np.full(fine.point.size, 1e-5)))
+    first = certify(rough)
+    monkeypatch.setattr(certified, "is_memory", lambda name: name == first.parameter)
+    second = certify(rough)
+    assert second.parameter != first.parameter and second.shift < first.shift
+
+
 def test_innovations_alone_are_believed_only_where_they_say_little(monkeypatch: pytest.MonkeyPatch) -> None:
     resolved = fitted([pull(sled(), 2)])
     by_innovations = certify(resolved)

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bondgraph.correct.models.shaping_filters import is_memory
 from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
@@ -159,8 +160,8 @@ def certify(fitted: Fit, finer: FilterModel | None = None) -> Check:
     shifts of 0.08 and 0.02 standard deviations, innovations alone 0.02 and 0.02); they are formed where innovations
     alone move something by more than half of what is negligible, see :func:`bondgraph.estimate.certify.check`.
 
-    Noise levels stay where they are: they are no result, and half of what is free. What rests on a bound is not
-    expected to move.
+    Levels and times of noise stay where they are: they are no result, and half of what is free. What rests on a bound
+    is not expected to move.
     """
     free = ~fitted.held
     covariance = np.zeros((free.size, free.size))
@@ -168,6 +169,8 @@ def certify(fitted: Fit, finer: FilterModel | None = None) -> Check:
     covariance[np.ix_(free, free)] = solve(information, np.eye(information.shape[0]))
     known, own = _with_known_noise(fitted)
     covariance = covariance[np.ix_(own, own)]
+    times = [k for k, one in enumerate(known.free) if is_memory(one.target.name)]
+    covariance[times] = covariance[:, times] = 0.0
     finer = finer or fitted.problem.filter_model.with_halved_steps()
     found = _by_innovations(fitted, finer, own, covariance)
     if found.shift <= _SURE * NEGLIGIBLE_SHIFT:

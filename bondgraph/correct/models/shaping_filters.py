@@ -62,6 +62,17 @@ def state_under(disturbance: Candidate, states: Sequence[str]) -> str | None:
     return next((one for one in states if _named(DISTURBANCE, one) == disturbance.effect.element), None)
 
 
+def is_memory(parameter: str) -> bool:
+    """True for the name of a time of noise: that in which a disturbance forgets, or keeps its rhythm.
+
+    Examples
+    --------
+    >>> is_memory("T_disturbance_sensor_speed"), is_memory("T_actuator_lag_motor")
+    (True, False)
+    """
+    return parameter.startswith((f"T_{DISTURBANCE}_", f"T_{RHYTHM}_"))
+
+
 def _named(kind: str, state: str) -> str:
     return f"{kind}_{state}".replace(".", "_")
 

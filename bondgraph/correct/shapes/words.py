@@ -1,4 +1,4 @@
-"""Words for formulas: the name of the law in other words, and how much of it the declared model took for its own."""
+"""Words for formulas: the name of the law in other words, and which parameters had stood in for it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.estimate.fitted import Fit
 from bondgraph.text import number
 
-#: A parameter that moves by more than so many of its standard errors when a formula comes had taken a part of it.
+#: A parameter that moves by more than so many of its standard errors when a formula comes had stood in for it.
 _MOVED = 2.0
 #: What a term is called in a domain: by the variable that it is a function of, and by its kind.
 _MECHANICAL = {
@@ -53,8 +53,8 @@ def other_words(formula: Formula, values: Mapping[str, float]) -> str:
     return known.get((variable, formula.terms[0].kind.name), "")
 
 
-def lies_in(before: Fit, after: Fit, graph: BondGraph) -> list[tuple[str, str]]:
-    """Parameters of the machine that had taken a part of a law before it was there: where it lay, and how much.
+def moved_parameters(before: Fit, after: Fit, graph: BondGraph) -> list[tuple[str, str, str]]:
+    """Parameters of the machine that had stood in for a law before it was there: each with its value after and before.
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def lies_in(before: Fit, after: Fit, graph: BondGraph) -> list[tuple[str, str]]:
         moved = before.values[name] - values[name]
         if abs(moved) > _MOVED * error * abs(slope):
             info = model.parameters[model.index("parameter", name)]
-            shown = info.shown(before.values[name]) - info.shown(values[name])
-            found.append((f"{name}{_element(graph, name)}", f"{number(shown)} {info.display_unit}".strip()))
+            now = f"{number(info.shown(values[name]))} {info.display_unit}".strip()
+            found.append((f"{name}{_element(graph, name)}", now, number(info.shown(before.values[name]))))
     return found
 
 
