@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
 from typing import Any
 
 from bondgraph.cli.daily_arguments import add_daily_commands
@@ -18,6 +19,7 @@ from bondgraph.cli.estimation_options import (
 from bondgraph.cli.experiment_options import design_options, sensitivity_options
 from bondgraph.cli.log_options import (
     LOGS_HELP,
+    add_across_gaps,
     add_between,
     add_fmu_units,
     add_gaps,
@@ -289,7 +291,7 @@ def _add_loop_commands(commands: Any) -> None:
     c.add_argument(
         "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: assessed, they decide nothing"
     )
-    _add_given(c)
+    _add_given(c, add_across_gaps)
     add_start(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
@@ -317,12 +319,12 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     add_start(command)
 
 
-def _add_given(command: argparse.ArgumentParser) -> None:
-    """Options on logs beside their names."""
+def _add_given(command: argparse.ArgumentParser, gaps: Callable[[argparse.ArgumentParser], None] = add_gaps) -> None:
+    """Options on logs beside their names, with the one on jumps in time."""
     add_map(command)
     add_reading(command)
     add_window(command)
-    add_gaps(command)
+    gaps(command)
     add_between(command)
     add_set(command, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
 

@@ -47,6 +47,15 @@ def add_gaps(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_across_gaps(command: argparse.ArgumentParser) -> None:
+    """Add ``--across-gaps``: models lead across jumps in time."""
+    command.add_argument(
+        "--across-gaps", action="store_true",
+        help="lead the models across jumps in time; if not, parts between jumps of ten times the usual interval, and "
+        "half a second at least, are logs of their own",
+    )  # fmt: skip
+
+
 def add_map(command: argparse.ArgumentParser) -> None:
     """Add ``--map``: columns that are called otherwise in the model."""
     command.add_argument(

@@ -41,7 +41,7 @@ def close_loop(options: argparse.Namespace) -> int:
     graph, given = set_values(inputs_between(declared, options), options.set)
     logs = training_and_held_out(
         build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given,
-        lambda path: read_given(path, options), options.split_gaps,
+        lambda path: read_given(path, options), options.across_gaps,
     )  # fmt: skip
     for line in logs.said:
         say(line, sys.stderr)

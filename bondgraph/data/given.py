@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeGuard, Union
 
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match, match_inputs, match_outputs, renamed
 from bondgraph.data.read import read_log
+from bondgraph.data.select import split_at_gaps
 from bondgraph.data.signals import Signals
+from bondgraph.data.suspicions import JUMPS, time_gaps
 from bondgraph.errors import require_kind
 
 if TYPE_CHECKING:
@@ -77,13 +80,42 @@ def all_matched(
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
     name: str = "log",
+    split_gaps: bool = False,
 ) -> list[MatchedLog]:
     """One or several logs in the order and units of a model; arguments and errors as for :func:`matched`.
 
-    Data frames are called ``name`` and their place among the logs.
+    Data frames are called ``name`` and their place among the logs. ``split_gaps``: the parts of a log between jumps in
+    time are logs of their own.
     """
     listed = logs if isinstance(logs, Iterable) and not isinstance(logs, str) and not is_table(logs) else [logs]
-    return [matched(log, model, columns, constants, f"{name}{k}") for k, log in enumerate(listed, start=1)]
+    taken = parts_matched if split_gaps else lambda *given: [matched(*given)]
+    named = ((log, f"{name}{k}") for k, log in enumerate(listed, start=1))
+    return [part for log, own in named for part in taken(log, model, columns, constants, own)]
+
+
+def parts_matched(
+    log: GivenLog,
+    model: Signals,
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    name: str = "log",
+) -> list[MatchedLog]:
+    """The parts of a log between jumps in time, with a note; arguments and errors as for :func:`matched`."""
+    if isinstance(log, MatchedLog):
+        return _with_note(split_at_gaps(log), time_gaps(log.time, apart=True))
+    if _is_matched(log):
+        return [log]
+    whole = as_read(log, name)
+    parts = [match(one, model, columns, constants) for one in split_at_gaps(whole)]
+    return _with_note(parts, time_gaps(whole.time, whole.first_row, apart=True))
+
+
+def _with_note(parts: Sequence[MatchedLog], jumps: Sequence[str]) -> list[MatchedLog]:
+    """The parts of a log, of which the first tells that time jumps, if it does."""
+    if not jumps:
+        return list(parts)
+    notes = [note for note in parts[0].notes if not note.startswith(JUMPS)]
+    return [replace(parts[0], notes=(*notes, *jumps)), *parts[1:]]
 
 
 def as_read(log: GivenLog, name: str) -> Log:

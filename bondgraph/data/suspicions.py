@@ -16,6 +16,8 @@ import numpy.typing as npt
 from bondgraph import units
 from bondgraph.data.log import FIRST_ROW, FloatArray
 
+#: How a sentence on jumps in time begins.
+JUMPS = "time jumps"
 #: Model's answer (n,) to a channel divided by a factor, or None where the simulation fails.
 Answer = Callable[[float], FloatArray | None]
 
@@ -219,8 +221,10 @@ def time_suspicion(time: FloatArray, as_read: Sequence[Agreement], scaled: Seque
     )
 
 
-def time_gaps(time: FloatArray, first_row: int = FIRST_ROW) -> list[str]:
+def time_gaps(time: FloatArray, first_row: int = FIRST_ROW, apart: bool = False) -> list[str]:
     """The sentence on jumps in time (n,) that are much longer than the usual interval; none where there are none.
+
+    ``apart``: the parts between them are logs of their own.
 
     Examples
     --------
@@ -235,10 +239,15 @@ def time_gaps(time: FloatArray, first_row: int = FIRST_ROW) -> list[str]:
         f"{time[k]:.6g} s to {time[k + 1]:.6g} s (row {k + first_row} to {k + 1 + first_row})" for k in found[:_NAMED]
     ]
     more = f" and {found.size - _NAMED} more" if found.size > _NAMED else ""
-    return [
-        f"time jumps from {', '.join(each)}{more}: inputs are carried across as declared, and states drift - if the "
-        "machine did something else meanwhile give --split-gaps, in Python bg.split_at_gaps(log)"
-    ]
+    across = (
+        "inputs are carried across as declared, and states drift - if the machine did something else meanwhile give "
+        "--split-gaps, in Python bg.split_at_gaps(log)"
+    )
+    between = (
+        "nobody knows what the inputs did meanwhile, so that the parts are logs of their own - lead across with "
+        "--across-gaps, in Python across_gaps=True"
+    )
+    return [f"{JUMPS} from {', '.join(each)}{more}: {between if apart else across}"]
 
 
 def gaps(time: FloatArray) -> npt.NDArray[np.intp]:

@@ -68,6 +68,7 @@ def close_loop(
     constants: Mapping[str, float | str] | None = None,
     progress: Report = no_report,
     executor: str | Executor | None = "serial",
+    across_gaps: bool = False,
 ) -> Correction:
     """Find what a declared graph lacks, from measured logs.
 
@@ -91,6 +92,9 @@ def close_loop(
     executor
         Who computes the fits, ``"processes:2"`` or ``"dask://host:8786"``, see
         :func:`bondgraph.execute.executors.open_executor`; it changes no number.
+    across_gaps
+        Lead models across jumps in time. If not, parts between jumps are logs of their own, see
+        :func:`bondgraph.data.select.split_at_gaps`.
 
     Raises
     ------
@@ -113,8 +117,8 @@ def close_loop(
     require_kind("close_loop", graph, (BondGraph, str), "graph")
     declared = load_graph(graph) if isinstance(graph, str) else graph
     model = build(declared).model
-    training = all_matched(train, model, columns, constants, "train")
-    held_out = all_matched(holdout, model, columns, constants, "holdout")
+    training = all_matched(train, model, columns, constants, "train", not across_gaps)
+    held_out = all_matched(holdout, model, columns, constants, "holdout", not across_gaps)
     _refuse_both(training, held_out)
     functions = effect_functions(load_module(EFFECTS)) if effects is None else effects
     own = settings or LoopSettings()

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bondgraph.data.given import all_matched
 from bondgraph.data.log import Log, MatchedLog
-from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
-from bondgraph.data.select import decimate, split, split_at_gaps
+from bondgraph.data.select import decimate, split
 from bondgraph.errors import OptionError
 from bondgraph.simulate.model import Model
 
@@ -35,12 +35,12 @@ def training_and_held_out(
     rate: float | None = None,
     given: Mapping[str, float | str] | None = None,
     reader: Callable[[Path | str], Log] = read_log,
-    split_gaps: bool = False,
+    across_gaps: bool = False,
 ) -> Splits:
     """Read and match logs; without held-out logs the last quarter of each training log is held out, and this is said.
 
-    ``given`` are values of inputs that the logs lack; ``reader`` makes a log of a file; with ``split_gaps`` each part
-    between jumps in time is a log of its own.
+    ``given`` are values of inputs that the logs lack; ``reader`` makes a log of a file. Each part between jumps in time
+    is a log of its own, unless the model is to lead ``across_gaps``.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def training_and_held_out(
 
     def read(path: Path | str) -> list[MatchedLog]:
         whole = reader(path)
-        logs = [match(log, model, mapping, given) for log in (split_at_gaps(whole) if split_gaps else (whole,))]
+        logs = all_matched(whole, model, mapping, given, split_gaps=not across_gaps)
         return logs if rate is None else [decimate(log, rate) for log in logs]
 
     training, held_out = ([log for path in paths for log in read(path)] for paths in (data, holdout))

@@ -31,6 +31,21 @@ def test_a_log_that_is_trained_on_and_held_out_is_refused() -> None:
         bg.close_loop(sled(), log, [log], FUNCTIONS)
 
 
+def test_parts_between_jumps_in_time_are_logs_of_their_own() -> None:
+    """What a radiator's water did in half an hour that was not logged cost its law 222 nats, and it was refused."""
+    whole = as_read(pull(added(effects.quadratic_loss, "runner", 1.2), 1, samples=900))
+    torn = whole.rows(np.r_[0:400, 600:900])
+    closed = bg.close_loop(sled(), torn, effects=FUNCTIONS)
+    assert [log.name for log in closed.nominal.problem.logs] == [f"{whole.name}.1", f"{whole.name}.2"]
+    assert [one.trial.candidate.label for one in closed.added] == ["quadratic_loss at runner"]
+    first, second = closed.nominal.problem.logs
+    assert any(note.startswith("time jumps from") and note.endswith("across_gaps=True") for note in first.notes)
+    assert not any("time jumps" in note for note in second.notes)
+    across = bg.close_loop(sled(), torn, effects=FUNCTIONS, across_gaps=True)
+    (log,) = across.nominal.problem.logs
+    assert any("--split-gaps" in note for note in log.notes)
+
+
 @pytest.mark.slow
 def test_a_loop_is_closed_on_logs_as_they_are_read(tmp_path: Path) -> None:
     true = added(effects.quadratic_loss, "runner", 1.2)
