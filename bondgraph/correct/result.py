@@ -17,7 +17,7 @@ from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.places.probes import Signal
 from bondgraph.correct.places.regimes import level_names, regime_of
-from bondgraph.correct.shapes.forms import curve, departure, only_signal, whole_text
+from bondgraph.correct.shapes.forms import curve, departure, only_signal, revises, whole_text
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import other_words
 from bondgraph.data.log import FloatArray
@@ -290,6 +290,11 @@ def form_text(added: Added, closed: ClosedLoop) -> str | None:
     """The sum of a law's parts as one formula with its numbers; None where the parts do not give the same."""
     values = graph_values(closed)
     return whole_text(added.trial, closed.corrected_graph, values, intervals(closed.corrected))
+
+
+def holds_declared(added: Added, closed: ClosedLoop) -> bool:
+    """True for a law whose formula holds what is declared: it revises an element."""
+    return revises(added.trial, closed.corrected_graph, graph_values(closed))
 
 
 def departs(added: Added, closed: ClosedLoop) -> float | None:

@@ -5,7 +5,7 @@ long as something else is missing. Of a cell that polarises and whose resistance
 effect gained 716 nats, and was not told from zero in free simulation; so did the first beside an event. So where no law
 passes that acts throughout, the one that gains most is taken on trial, and a round is done beside it. Both stay where
 each passes every test beside the other, and is told from zero by channels whose innovations could be white then.
-Otherwise nothing was learnt.
+Otherwise nothing was learnt. What given constants explain as well is no law, on trial or beside another one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from bondgraph.correct.evidence.confirm import is_clear
+from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import judge, preferred_gain, robust_p_value
+from bondgraph.correct.evidence.given import beside_given
 from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Evidence, Trial
@@ -87,6 +89,7 @@ def _on_trial(turn: Round, level: float) -> Trial | None:
         if one.fit is not None
         and one.built is not None
         and one.gate is None
+        and not one.given
         and not one.candidate.effect.channel
         and not one.candidate.effect.regime
         and not formula_of(one.candidate.function)
@@ -118,4 +121,9 @@ def _proven(state: Progress, law: Trial, settings: RoundSettings) -> Trial | Non
     if weighed(there, [one for one in state.laws if one is not law], bare).small:
         return None
     moved = transfer(bare, state.fit, law.candidate.effect)
-    return replace(law, evidence=evidence, transfer=moved) if moved.passes else None
+    if not moved.passes:
+        return None
+    without = Context(
+        reduced.built, bare, reduced.problem.logs, evidence.tried, settings.level, 0.0, settings.journal
+    )  # fmt: skip
+    return None if beside_given(there, without).given else replace(law, evidence=evidence, transfer=moved)

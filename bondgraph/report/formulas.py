@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from bondgraph.correct.evidence.trials import Added, Alternative, Trial
 from bondgraph.correct.loop import ClosedLoop
-from bondgraph.correct.result import departs, form_text, intervals
+from bondgraph.correct.result import departs, form_text, holds_declared, intervals
 from bondgraph.correct.round import Round
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import moved_parameters, other_words
@@ -69,6 +69,7 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
     if not law.forms:
         return ""
     text, share, laws = form_text(added, closed), _percent_away(added, closed), _laws_of(law)
+    text = f"{text}; the declared law is a part of it" if text and holds_declared(added, closed) else text
     if len(laws) > 1 and text:
         whole = f"Of {', '.join(laws[:-1])} and {laws[-1]} at {law.candidate.place.label} these logs tell the sum alone"
         return f"{whole}: {text}."

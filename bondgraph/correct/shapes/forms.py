@@ -141,17 +141,37 @@ def _worded(one: Symbol) -> str:
 def departure(law: Trial, graph: BondGraph, values: Mapping[str, float], known: Sequence[Signal]) -> float | None:
     """How far a form of its own is from the nearest multiple of the law it is named after, as a share of its size.
 
-    Over what the logs visit; None where it is no function of one signal.
+    Over what the logs visit; None where it is no function of one signal. Where a law revises an element, what is
+    declared there is no part of it.
     """
     signal = only_signal(law, graph, known)
     if signal is None or not law.forms:
         return None
     at = np.concatenate(signal.values)
-    whole, named = (curve(one, graph, values, signal, at) for one in (law, replace(law.forms[0], forms=())))
+    whole, named = (_added(one, graph, values, signal, at) for one in (law, replace(law.forms[0], forms=())))
     if whole is None or named is None:
         return None
     size, inner, own = float(whole @ whole), float(whole @ named), float(named @ named)
     return float(np.sqrt(max(1.0 - inner**2 / (own * size), 0.0))) if size > 0.0 and own > 0.0 else None
+
+
+def _added(
+    law: Trial, graph: BondGraph, values: Mapping[str, float], signal: Signal, at: FloatArray
+) -> FloatArray | None:
+    """What a law adds to the declared one (n,) at values of its only signal (n,); None where it has no curve."""
+    absent = dict.fromkeys(law.candidate.effect.coefficients, 0.0)
+    whole, declared = (curve(law, graph, known, signal, at) for known in (values, {**values, **absent}))
+    return None if whole is None or declared is None else whole - declared
+
+
+def revises(law: Trial, graph: BondGraph, values: Mapping[str, float]) -> bool:
+    """True for a law of which a part is declared, since it revises an element."""
+    found = whole_law(law, graph)
+    if found is None:
+        return False
+    absent = dict.fromkeys(law.candidate.effect.coefficients, 0.0)
+    known = {symbol(name): sympy.Float(value) for name, value in {**values, **absent}.items()}
+    return bool(found[1].xreplace(known) != 0)
 
 
 def only_signal(law: Trial, graph: BondGraph, known: Sequence[Signal]) -> Signal | None:

@@ -11,13 +11,14 @@ import bondgraph as bg
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.places.probes import Signal
-from bondgraph.correct.shapes.forms import as_one, curve, departure, joined, own_form, whole_text
+from bondgraph.correct.shapes.forms import as_one, curve, departure, joined, own_form, revises, whole_text
 from bondgraph.correct.shapes.formula import Formula
 from bondgraph.correct.shapes.library import library
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import handle, with_values
-from bondgraph.declare.effect import EffectFunction, Place, Scale
+from bondgraph.declare.effect import SMOOTHING, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects.exponents import resistance_exponent
 from bondgraph.effects.friction import coulomb_loss, quadratic_loss
 from bondgraph.effects.loads import constant_effort
 from bondgraph.effects.storages import hardening_spring
@@ -124,6 +125,27 @@ def test_how_far_a_form_is_from_its_name_is_the_sine_of_their_angle(share: float
     left = law - named * (law @ named) / (named @ named)
     assert away == pytest.approx(np.linalg.norm(left) / np.linalg.norm(law), abs=1e-7)
     assert departure(replace(whole, forms=()), graph, values, [SPEED]) is None
+
+
+def test_a_form_that_revises_an_element_departs_by_what_it_adds() -> None:
+    """A potter's dry bearings with a bent line were "40 % from it", since the declared line counted as added."""
+    g = machine()
+    first, second = beside(g, coulomb_loss, resistance_exponent)
+    whole = joined(first, second)
+    (size, bent), (width,) = whole.candidate.effect.coefficients, first.candidate.effect.widths
+    for exponent, far in ((0.0, 0.0), (0.5, 0.02)):
+        graph = with_values(whole.candidate.apply(g), {size: 2.0, bent: exponent})
+        values = {one.name: one.value for one in graph.flatten().parameters}
+        away = departure(whole, graph, values, [SPEED])
+        assert away is not None and (away == pytest.approx(0.0, abs=1e-7) if far == 0.0 else away > far)
+        assert revises(whole, graph, values) and not revises(first, first.candidate.apply(g), values)
+    at = SPEED.values[0]
+    right = next(value for name, value in values.items() if name.startswith("r_"))
+    line = 0.2 * at * (((at / right) ** 2 + SMOOTHING**4) ** 0.25 - 1.0)
+    named = np.tanh(at / values[width])
+    law = 2.0 * named + line
+    left = law - named * (law @ named) / (named @ named)
+    assert away == pytest.approx(np.linalg.norm(left) / np.linalg.norm(law), rel=1e-6)
 
 
 def test_what_acts_in_a_regime_and_what_acts_everywhere_stay_two() -> None:
