@@ -75,4 +75,5 @@ def _usual(g: BondGraph, node: Node, given: str, at: Place) -> float:
     known = {one.symbol: one.value for one in g.flatten().parameters}
     slope = dict(node.laws)[given].xreplace({own: symbol("t")}).coeff(symbol("t")).subs(known)
     size = at.scale.flow if given == "flow" else at.scale.effort
-    return size / abs(float(slope)) if slope.is_number and slope != 0 else 0.0
+    steep = abs(float(slope)) if slope.is_number else 0.0
+    return size / steep if steep > 0.0 else 0.0

@@ -90,6 +90,13 @@ def test_a_law_that_is_no_line_has_no_exponent_of_its_own() -> None:
     assert effects.resistance_exponent(g, PLACE) is None
 
 
+def test_a_resistance_of_no_size_has_no_exponent() -> None:
+    g = drum()
+    c = g.parameter("c", 0.0, "m^3/(s Pa)")
+    revise_law(g, "wall", "flow", c * sympy.Symbol("effort", real=True))
+    assert effects.resistance_exponent(g, PLACE) is None
+
+
 def test_each_of_several_resistances_is_tried() -> None:
     g = drum()
     g.resistance("filter", lambda flow: g.parameter("Rf", 1e5, "Pa s/m^3") * flow, at="hose")

@@ -74,8 +74,8 @@ def refit(
     tried
         How many candidates it was picked from, if not what the round tried.
     promised
-        Nats that it was predicted to gain. A fit that gains less than most of it is tried again from the declared
-        values, with little process noise.
+        Nats that it was predicted to gain. If these pass the tests, a fit that gains less than most of them is tried
+        again from the declared values, with little process noise.
 
     Raises
     ------
@@ -99,7 +99,8 @@ def refit(
     beat = context.base.nll - context.required  # what cannot pass the tests need not be finished
     beat = beat if lead is None else min(beat, lead.nll)
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
-    if first is None and quiet is not None and context.base.nll - fitted.nll < MOSTLY * promised:
+    short = promised >= context.required and context.base.nll - fitted.nll < MOSTLY * promised
+    if first is None and quiet is not None and short:
         fitted = _or_from(quiet, fitted, beat, context)
     if trial.candidate.effect.adds_state:
         fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal, beat)
