@@ -26,7 +26,7 @@ from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
 from bondgraph.correct.gate_worth import earned, in_its_signal
 from bondgraph.correct.models.absent import absent_when_zero
-from bondgraph.correct.models.candidates import Refused, candidates, places
+from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.untried import nothing_to_try, refused_everywhere
 from bondgraph.correct.places.located import LocatedAt, locate
@@ -119,7 +119,7 @@ def one_round(
     found, refused = candidates(built, functions, where, present)
     found, spoiling = absent_when_zero(built, found, train, linear.runs)
     refused += spoiling
-    if not present and not [one for one in found if not one.place.output]:
+    if not present and not _to_try(found, functions):
         return _nothing_tried(built, base, linear, where, refused, nothing_to_try(where, functions, refused))
     vanishing = [one for one in found if not one.effect.adds_state]
     stateful = [one for one in found if one.effect.adds_state]
@@ -302,6 +302,12 @@ def _trials(scored: Scored, tried: int) -> list[Trial]:
         )
         for j, one in enumerate(scored.candidates)
     ]  # fmt: skip
+
+
+def _to_try(found: Sequence[Candidate], functions: Sequence[EffectFunction]) -> bool:
+    """True where something can be tried in the machine itself, or at its sensors if nothing else was asked for."""
+    of_sensors = all(getattr(one, "for_sensors", False) for one in functions)
+    return any(of_sensors or not one.place.output for one in found)
 
 
 def _moving_places(built: BuiltModel, base: Fit, linear: Linearisation, train: Sequence[MatchedLog]) -> list[Place]:

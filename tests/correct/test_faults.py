@@ -15,7 +15,7 @@ from bondgraph.correct.result import result_json
 from bondgraph.correct.round import one_round
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import handle
-from bondgraph.effects.sensors import sensor_bias
+from bondgraph.effects.sensors import SENSOR_FAULTS, sensor_bias
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.journal import Journal
@@ -51,6 +51,13 @@ def test_a_fault_is_named_with_channel_kind_and_size(kind: str) -> None:
     assert (effect["channel"], effect["kind"]) == ("speed", kind)
     ((name, found),) = effect["coefficients"].items()
     assert name.startswith(kind) and found["value"] == pytest.approx(FAULTS[kind][1], rel=0.15)
+
+
+def test_faults_alone_may_be_asked_for() -> None:
+    """A command with --effects sensor_ceiling said that it finds no place, and that no effect could be tried."""
+    closed = close_loop(sled(), faulty("scale"), [], SENSOR_FAULTS[:2])
+    (found,) = closed.added
+    assert found.trial.candidate.effect.name == "sensor_scale" and closed.rounds[0].untried == ""
 
 
 def test_an_outlier_at_the_start_of_a_position_is_no_bias(monkeypatch: pytest.MonkeyPatch) -> None:
