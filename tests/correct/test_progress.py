@@ -117,6 +117,7 @@ def test_an_effect_that_is_withdrawn_at_the_end_makes_room_for_another(monkeypat
     assert closed.reason.startswith("the limit of 1 effects was reached")
 
 
+@pytest.mark.slow
 def test_nothing_is_tested_again_where_shorter_steps_withdraw_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last of what was added was looked for where nothing was left."""
     truth = added(effects.quadratic_loss, "runner", 3.0)

@@ -105,6 +105,7 @@ def beaten(seed: int, period: float, samples: int = 1200) -> MatchedLog:
     return MatchedLog(f"run{seed}", time[::10], push[np.newaxis, ::10], shown[np.newaxis])
 
 
+@pytest.mark.slow
 def test_a_load_that_repeats_is_described_with_its_period() -> None:
     """A pulsed load was "something that wanders at random", and the sun by day an unknown function of temperature."""
     functions = (effects.quadratic_loss, effects.constant_effort)

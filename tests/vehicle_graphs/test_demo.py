@@ -74,9 +74,8 @@ def check_found(loop: ClosedLoop, truth: Truth) -> None:
 RELATIVES = (*dict.fromkeys(one.function for one in MISSING), effects.stribeck_loss, effects.slip)
 
 
-@pytest.mark.parametrize(
-    "offered", [RELATIVES, pytest.param(effect_functions(effects), marks=pytest.mark.slow)], ids=["relatives", "all"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("offered", [RELATIVES, effect_functions(effects)], ids=["relatives", "all"])
 def test_the_demonstration_finds_its_missing_effect(offered: Sequence[EffectFunction], tmp_path: Path) -> None:
     loop, truth = closed(1, tmp_path, pick(1), offered)
     check_found(loop, truth)

@@ -366,6 +366,7 @@ def test_answers_about_what_the_dictionary_lacks_are_told_apart() -> None:
     assert one("failed", "", "", failure="ValueError: 1") == "failed"
 
 
+@pytest.mark.slow
 def test_a_small_study_is_right_about_a_clear_effect_and_about_none(tmp_path: Path) -> None:
     cases = [replace(DRAG, seed=1), Case("none", "other parameters", 0.0, 1)]
     effect, nothing = Study(tmp_path, QUICK).run(cases, lambda _: None)
