@@ -26,6 +26,7 @@ from bondgraph.estimate.excerpt import excerpt, on_beginnings
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit, left_open
 from bondgraph.estimate.noise_starts import quiet_start
+from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import ROUGH, ROUGH_ITERATIONS
 
@@ -99,9 +100,8 @@ def refit(
     beat = context.base.nll - context.required  # what cannot pass the tests need not be finished
     beat = beat if lead is None else min(beat, lead.nll)
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
-    short = promised >= context.required and context.base.nll - fitted.nll < MOSTLY * promised
-    if first is None and quiet is not None and short:
-        fitted = _or_from(quiet, fitted, beat, context)
+    if not problem.filter_model.is_stiff:
+        fitted = _led_on(fitted, beat, quiet, promised, context)
     if trial.candidate.effect.adds_state:
         fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal, beat)
     done = _judged(replace(trial, built=built, failed=""), fitted, context, tried)
@@ -114,8 +114,17 @@ def refit(
     return instead if passes or not done.evidence.accepted(context.level) else done
 
 
-def _or_from(quiet: FloatArray, fitted: Fit, beat: float, context: Context) -> Fit:
-    """The better one of a fit and the same from where little process noise leads (n,)."""
+def _led_on(fitted: Fit, beat: float, quiet: FloatArray | None, promised: float, context: Context) -> Fit:
+    """Where a fit goes on to that may gain more than it does; ``quiet`` (n,) is where little process noise begins.
+
+    One whose iterations were spent goes on with half of the gain that is to be beaten: dry friction of a trailer was 2
+    nats behind that of its car then, and 11 ahead in the end.
+    """
+    gain = context.base.nll - beat
+    if fitted.outcome is SearchOutcome.ITERATION_LIMIT and context.base.nll - fitted.nll > _HALF * gain:
+        fitted = fit(fitted.problem, _MOST_ITERATIONS, _TOLERANCE, [fitted.point], beat, context.journal)
+    if quiet is None or promised < context.required or context.base.nll - fitted.nll >= MOSTLY * promised:
+        return fitted
     again = attempted(
         lambda: fit(fitted.problem, _MOST_ITERATIONS, _TOLERANCE, [fitted.point], beat, context.journal, quiet),
         lambda why: fitted,
