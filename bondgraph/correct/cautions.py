@@ -24,8 +24,11 @@ _OPEN = 1e6
 _BLOCK_SAMPLES = 5
 
 
-def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
-    """Sentences about parameters at bounds or unknown, short logs, and candidates that no sensor shows."""
+def cautions_of(nominal: Fit, rounds: Sequence[Round], corrected: Fit | None = None) -> tuple[str, ...]:
+    """Sentences about parameters at bounds or unknown, short logs, and candidates that no sensor shows.
+
+    A parameter that left its bound beside the laws of the ``corrected`` model stood in for them, and is not told.
+    """
     said = []
     if not nominal.outcome.succeeded:
         said.append(f"the fit of the declared model ended early ({nominal.outcome.value}): take its numbers with care")
@@ -46,7 +49,7 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
             f"{samples} samples in {seconds:.3g} s are few: tests that hold under coloured noise need blocks of time, "
             f"and see little with fewer than {_BLOCK_SAMPLES * BLOCKS}"
         )
-    said += at_bounds(nominal, "declared")
+    said += at_bounds(nominal, "declared", None if corrected is None else resting(corrected))
     unknown = [
         parameter.name
         for parameter in nominal.problem.free

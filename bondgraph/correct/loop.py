@@ -30,7 +30,7 @@ from bondgraph.correct.evidence.certified import doubts
 from bondgraph.correct.evidence.replaced import beyond_declared
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
-from bondgraph.correct.fits.whiteness import Whiteness, whiteness
+from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
 from bondgraph.correct.granted import Clock, strictly
 from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.models.failures import reason as reason_of
@@ -328,8 +328,9 @@ def _result(
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     before = assess(nominal, train), assess(nominal, holdout)
     cautions = (
-        *begun.cautions, *cautions_of(nominal, rounds), *_doubts(begun, state, first, last), *rest.cautions,
-        *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds, settings.refits),
+        *begun.cautions, *cautions_of(nominal, rounds, current), *_doubts(begun, state, first, last), *rest.cautions,
+        *(round_cautions(rounds[0]) if rounds else ()),
+        *([] if is_white(current, settings.level) else unsearched(rounds, settings.refits)),
         *start_cautions(undeclared), *after_delays(state.added, current),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
         *(simulated_better(nominal, before, settings.journal) if state.laws or state.constants else ()),

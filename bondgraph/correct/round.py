@@ -327,7 +327,7 @@ def round_cautions(first: Round) -> list[str]:
         return [first.untried]
     known = [one.candidate for one in first.trials]
     tried = {name for one in known for name in (one.effect.name, one.function.__name__)}
-    return refused_everywhere(first.refused, tried)
+    return refused_everywhere([one for one in first.refused if not one.shipped], tried)
 
 
 def unsearched(rounds: Sequence[Round], refits: int) -> list[str]:

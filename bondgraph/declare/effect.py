@@ -174,6 +174,11 @@ EffectFunction = Callable[[BondGraph, Place], Effect | None]
 EFFECTS = "bondgraph.effects"
 
 
+def is_shipped(function: EffectFunction) -> bool:
+    """True for an effect function of the toolkit, and not a user's own."""
+    return function.__module__.startswith(EFFECTS)
+
+
 def sensor_fault(function: EffectFunction) -> EffectFunction:
     """Mark an effect function as one for sensors: it is offered every measured output, and no junction or bond."""
     function.__dict__["for_sensors"] = True

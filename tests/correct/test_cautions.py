@@ -75,6 +75,15 @@ def test_laws_after_a_delay_may_mend_its_approximation() -> None:
         assert after_delays(laws, fitted) == []  # type: ignore[arg-type]
 
 
+def test_a_parameter_that_left_its_bound_beside_a_law_is_not_told() -> None:
+    """After a law was found a report said "or an effect is missing that it stands in for" of a bound left since."""
+    graph = with_bounds(cart(), {"drag": (7.0, 9.0), "mass": (20.0, 900.0)})
+    tight = fit_declared(graph, [log(0.0)], [], LoopSettings(), no_report).fit
+    wide = fit_declared(with_bounds(graph, {"drag": (1.0, 90.0)}), [log(0.0)], [], LoopSettings(), no_report).fit
+    assert any("drag" in one and "rests on its bound" in one for one in cautions_of(tight, [], tight))
+    assert not any("rests on its bound" in one for one in cautions_of(tight, [], wide))
+
+
 def test_a_parameter_on_its_bound_in_the_corrected_model_is_told_with_the_bound_and_its_unit() -> None:
     """Of a rope that was missing the bearing of a lift took what it could, down to its bound, without a word."""
     graph = with_bounds(cart(), {"drag": (7.0, 9.0), "mass": (20.0, 900.0)})

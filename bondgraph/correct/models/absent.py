@@ -14,6 +14,7 @@ import numpy as np
 from bondgraph.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Refused
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.effect import is_shipped
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
@@ -40,7 +41,7 @@ def absent_when_zero(
         if candidate.effect.adds_state or _same(declared, built.model, candidate.model, logs, runs):
             kept.append(candidate)
         else:
-            refused.append(Refused(candidate.effect.name, candidate.place.label, why))
+            refused.append(Refused(candidate.effect.name, candidate.place.label, why, is_shipped(candidate.function)))
     return kept, refused
 
 

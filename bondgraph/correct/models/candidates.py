@@ -17,7 +17,7 @@ from bondgraph.correct.models.pairs import pairs, sizes
 from bondgraph.correct.models.typical import graded_inputs
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
-from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
+from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for, is_shipped
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
@@ -182,11 +182,12 @@ def placed(graph: BondGraph, place: Place) -> Place:
 
 @dataclass(frozen=True)
 class Refused:
-    """An effect that could not be tried at a place, and why."""
+    """An effect that could not be tried at a place, and why; ``shipped``: it is one of the toolkit's own."""
 
     effect: str
     place: str
     why: str
+    shipped: bool = False
 
 
 def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray) -> list[Place]:
@@ -289,12 +290,12 @@ def candidates(
             except OptionError:
                 raise
             except BondGraphError as error:
-                refused.append(Refused(function.__name__, place.label, _refusal(function, error)))
+                refused.append(Refused(function.__name__, place.label, _refusal(function, error), is_shipped(function)))
                 continue
             flat = causal.graph
             why = _why_not(built, flat, effect, equations)
             if why is not None:
-                refused.append(Refused(effect.name, place.label, why))
+                refused.append(Refused(effect.name, place.label, why, is_shipped(function)))
                 continue
             beside = _beside_storage(built, place)
             own = {state.symbol.name for state in built.equations.states}
@@ -302,7 +303,8 @@ def candidates(
             name = f"{built.graph.name} with {effect.name}"
             model = attempted(functools.partial(model_of, equations, name, own=True), lambda why: None)
             if model is None or (_loops(equations) > built.implicit_loops and not has_rates(model)):
-                refused.append(Refused(effect.name, place.label, "would have no rates at the declared values"))
+                why = "would have no rates at the declared values"
+                refused.append(Refused(effect.name, place.label, why, is_shipped(function)))
                 continue
             element = flat.nodes.get(effect.element)
             laws = () if element is None else tuple(law for _, law in element.laws)
