@@ -36,6 +36,7 @@ from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisatio
 from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
 from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
+from bondgraph.correct.shapes.completions import stored_signals
 from bondgraph.correct.shapes.offered import Residual, own_forms, with_formulas
 from bondgraph.correct.shapes.relatives import with_relatives
 from bondgraph.correct.small_rests import weighed
@@ -129,9 +130,9 @@ def one_round(
     tried = scored.tests + sum(len(one.variants) for one in stateful)
     need = hurdle(train, tried, settings.level)
     settings.report("score the candidates", 1, 1)
-    context = Context(
-        built, base, tuple(train), tried, settings.level, need, settings.journal, substeps=settings.substeps
-    )
+    formed = stored_signals(_laws(added), built.graph)
+    level, steps = settings.level, settings.substeps
+    context = Context(built, base, tuple(train), tried, level, need, settings.journal, None, steps, formed)
     scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful), tuple(where))
     search = opened(scoring, context, bool(present), settings.report)
     left = Residual(built, linear, probed, known, located, _laws(added))

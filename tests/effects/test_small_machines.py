@@ -11,7 +11,7 @@ from bondgraph.correct.loop import LoopSettings
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.places.probes import Signal
 from bondgraph.correct.result import result_json
-from bondgraph.correct.shapes.completions import arguments
+from bondgraph.correct.shapes.completions import arguments, stored_signals
 from bondgraph.correct.shapes.formula import Formula
 from bondgraph.correct.shapes.library import library
 from bondgraph.declare.editing import handle
@@ -66,6 +66,16 @@ def test_a_law_is_a_function_of_its_signals(
     graph = machine.graph()
     (made,), _ = candidates(bg.build(graph), [function], [Place(handle(graph, place), Scale(10.0, 2.0))])
     assert arguments(Trial(made, 1.0), made.apply(graph)) == signals
+
+
+def test_a_law_that_stores_has_its_own_signals_and_what_its_element_holds() -> None:
+    graph = CERAMIC.graph()
+    where = [Place(handle(graph, "node"), Scale(10.0, 2.0))]
+    (made,), _ = candidates(bg.build(graph), [hardening_spring], where)
+    stores = Trial(made, 1.0)
+    told = stored_signals([stores], stores.candidate.apply(graph))
+    assert told == {"effort of node", "displacement of ceramic"}
+    assert stored_signals([], graph) == frozenset()
 
 
 @pytest.mark.slow

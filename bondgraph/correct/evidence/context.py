@@ -23,6 +23,7 @@ class Context:
     ``base`` is the fit without any candidate, ``tried`` how many were tried, ``required`` the gain in nats that passes
     the tests (:func:`bondgraph.correct.evidence.decide.hurdle`), ``quiet`` the fit with little process noise,
     ``substeps`` the steps from which halvings are counted, see :func:`bondgraph.correct.evidence.certified.resolving`.
+    ``formed`` are signals in which no law has a regime: what one that stores leaves by its form shows there.
     """
 
     built: BuiltModel
@@ -34,6 +35,7 @@ class Context:
     journal: Journal = field(default_factory=Journal)
     quiet: Fit | None = None
     substeps: int | None = None
+    formed: frozenset[str] = frozenset()
 
 
 def coefficients(

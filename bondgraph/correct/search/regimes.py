@@ -82,7 +82,7 @@ def gated_by_scores(linear: Linearisation, known: Scored, where: Sequence[Place]
         for candidate, variant, column in zip(known.candidates, known.variants, known.columns, strict=True)
         if _may_be_gated(candidate)
     ]
-    seen = distinct([one for one in signals(context.built, linear, where) if one.name != "time"])
+    seen = distinct([one for one in signals(context.built, linear, where) if one.name not in ("time", *context.formed)])
     options = _options(linear, laws, seen, context)
     made = _made(options, max(best, context.required) + _margin(laws, seen, context), context)
     if not made:
@@ -109,7 +109,7 @@ def gated_in_place(best: Trial, known: Scored, where: Sequence[Place], context: 
     linear = linearisation(fitted, fitted.problem.logs)
     columns = columns_in_place(linear, *map(list, zip(*pairs, strict=True)))
     laws = [Gateable(*pair, column) for pair, column in zip(pairs, columns.T, strict=True)]
-    seen = distinct([one for one in signals(best.built, linear, where) if one.name != "time"])
+    seen = distinct([one for one in signals(best.built, linear, where) if one.name not in ("time", *context.formed)])
     without, beaten = without_effect(linear, shared, len(own.effect.coefficients))
     margin = INDIFFERENT if own.effect.regime else _margin(laws, seen, context)
     made = _made(_options(without, laws, seen, context), beaten + margin, context)

@@ -74,6 +74,21 @@ def _completes(
     return any(contained(linear, one, law.candidate.effect.coefficients) for one in functions)
 
 
+def stored_signals(laws: Sequence[Trial], graph: BondGraph) -> frozenset[str]:
+    """Names of the signals of laws that store: their own, and what the elements hold.
+
+    Such a law takes no form of its own from a formula. Of a ceramic condenser what the dictionary's form left was told
+    as a resistance of the line while its voltage lies between two levels.
+    """
+    flat, found = graph.flatten(), set[str]()
+    for law in laws:
+        node = flat.nodes.get(law.candidate.effect.element)
+        if node is not None and node.kind in ("C", "I"):
+            held = "displacement" if node.kind == "C" else "momentum"
+            found |= {f"{held} of {node.name}", *(arguments(law, graph) or ())}
+    return frozenset(found)
+
+
 def arguments(law: Trial, graph: BondGraph) -> frozenset[str] | None:
     """Names of the signals that a law is a function of; None of one with a memory, of a sensor, or in part of the logs.
 

@@ -189,7 +189,7 @@ def _is_product(trial: Trial) -> bool:
 
 
 def _refitted(trial: Trial, prediction: Prediction, context: Context, tried: int) -> Trial:
-    return trial.attempted(lambda: refit(trial, prediction.starts, context, tried=tried))
+    return trial.attempted(lambda: refit(trial, prediction.starts, context, tried=tried, promised=prediction.gain))
 
 
 def _foremost(trials: Sequence[Trial]) -> Trial | None:
