@@ -40,8 +40,8 @@ _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapter 3"
 _EMPS = "Janot, Gautier, Brunot (2019), Data Set and Reference Models of EMPS"
 _EYRING = "Eyring (1936), J. Chem. Phys. 4, 283"
 _BUTLER = "Bard, Faulkner (2001), Electrochemical Methods, chapter 3"
-#: Shares of the largest flow within which a logarithm may begin: an e-fold of it is hardly seen beyond. A convention.
-_CURVED = (1e-3, 1.0)
+#: Share of the largest flow up to which a logarithm may begin: an e-fold of it is hardly seen beyond. A convention.
+_CURVED = 1.0
 _PIPES = "White (2011), Fluid Mechanics, chapter 6"
 _EDDY = "Wouterse (1991), IEE Proceedings B 138(4)"
 #: Powers of the flow in turbulent pipes: 7/4 by Blasius, 1.852 by Hazen and Williams, a square where walls are rough.
@@ -256,9 +256,9 @@ def electrode_loss(g: BondGraph, at: Place) -> Effect | None:
 
 def _logarithmic(g: BondGraph, at: Place, word: str, meaning: str, reference: str) -> Effect:
     name, c = coefficient(g, at, word, meaning, effort_unit(at), power=0)
-    least, most = (share * at.scale.flow for share in _CURVED)
+    least, most = at.smoothing * at.scale.flow, _CURVED * at.scale.flow  # one that begins below that is a step
     around = g.parameter(
-        f"v_{name}", at.smoothing * at.scale.flow, flow_unit(at), "flow above which the loss grows by its logarithm",
+        f"v_{name}", (least * most) ** 0.5, flow_unit(at), "flow above which the loss grows by its logarithm",
         (least, most),
     )  # fmt: skip
     g.resistance(name, lambda flow: c * asinh(flow / around), at=at.junction)
