@@ -39,7 +39,8 @@ def tank_rates(effect: bool) -> Rates:
 TANK = Machine(
     tank, tank_rates, [0.0], lambda x, u, effect: 2e4 * x, [15.0],
     lambda time, chance: steps(time, chance, 0.0, 1e-3, 600.0)[np.newaxis], 20.0, 700,
-    frozenset({"orifice_leak at level", "resistance_exponent at level"}), frozenset({"effort of level"}), "leak 3e-4*(p/1e4)^0.58",
+    frozenset({"orifice_leak at level", "resistance_exponent at level"}),
+    frozenset({"effort of level"}), "leak 3e-4*(p/1e4)^0.58",
 )  # fmt: skip
 
 # ------------------------------------------------------------------ a valve that opens ever wider
@@ -103,7 +104,8 @@ def pipe_rates(effect: bool) -> Rates:
 PIPE = Machine(
     pipe, pipe_rates, [0.0], lambda x, u, effect: x, [5e-5],
     lambda time, chance: steps(time, chance, -5e4, 2e5, 3.0)[np.newaxis], 0.1, 700,
-    frozenset({"orifice_loss at column", "resistance_exponent at column"}), frozenset({"flow of column"}), "loss 9e4*(Q/0.01)^1.75",
+    frozenset({"orifice_loss at column", "resistance_exponent at column"}),
+    frozenset({"flow of column"}), "loss 9e4*(Q/0.01)^1.75",
 )  # fmt: skip
 
 # ------------------------------------------------------------------ a piston whose seal leaks

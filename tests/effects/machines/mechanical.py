@@ -78,7 +78,8 @@ def fan_rates(effect: bool) -> Rates:
 FAN = Machine(
     fan, fan_rates, [0.0, 0.0, 0.0], lambda x, u, effect: x[:2], [0.05, 0.05],
     lambda time, chance: steps(time, chance, -2.0, 10.0, 1.0)[np.newaxis], 0.01, 800,
-    frozenset({"quadratic_loss at hub", "resistance_exponent at hub"}), frozenset({"flow of hub"}), "drag 0.003*omega^1.85 at the fan",
+    frozenset({"quadratic_loss at hub", "resistance_exponent at hub"}),
+    frozenset({"flow of hub"}), "drag 0.003*omega^1.85 at the fan",
 )  # fmt: skip
 
 # ------------------------------------------------------------------ bump stops whose force is an exponential

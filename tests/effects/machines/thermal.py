@@ -87,7 +87,8 @@ def sink_rates(effect: bool) -> Rates:
 SINK = Machine(
     sink, sink_rates, [0.0], lambda x, u, effect: x, [0.1],
     lambda time, chance: steps(time, chance, 0.0, 120.0, 600.0)[np.newaxis], 20.0, 700,
-    frozenset({"convection at fins", "resistance_exponent at fins"}), frozenset({"effort of fins"}), "convection 0.12*dT^1.33",
+    frozenset({"convection at fins", "resistance_exponent at fins"}),
+    frozenset({"effort of fins"}), "convection 0.12*dT^1.33",
 )  # fmt: skip
 
 # ------------------------------------------------------------------ a block whose capacity saturates
