@@ -32,7 +32,7 @@ def test_a_log_that_is_trained_on_and_held_out_is_refused() -> None:
 
 
 def test_parts_between_jumps_in_time_are_logs_of_their_own() -> None:
-    """What a radiator's water did in half an hour that was not logged cost its law 222 nats, and it was refused."""
+    """A radiator's law lost 222 nats by half an hour that was not logged, and was refused."""
     whole = as_read(pull(added(effects.quadratic_loss, "runner", 1.2), 1, samples=900))
     torn = whole.rows(np.r_[0:400, 600:900])
     closed = bg.close_loop(sled(), torn, effects=FUNCTIONS)

@@ -158,7 +158,7 @@ def departure(law: Trial, graph: BondGraph, values: Mapping[str, float], known: 
 def _added(
     law: Trial, graph: BondGraph, values: Mapping[str, float], signal: Signal, at: FloatArray
 ) -> FloatArray | None:
-    """What a law adds to the declared one (n,) at values of its only signal (n,); None where it has no curve."""
+    """Addition of a law to the declared one (n,) at values of its only signal (n,); None where it has no curve."""
     absent = dict.fromkeys(law.candidate.effect.coefficients, 0.0)
     whole, declared = (curve(law, graph, known, signal, at) for known in (values, {**values, **absent}))
     return None if whole is None or declared is None else whole - declared
