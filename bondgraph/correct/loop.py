@@ -330,7 +330,7 @@ def _result(
     cautions = (
         *begun.cautions, *cautions_of(nominal, rounds, current), *_doubts(begun, state, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()),
-        *([] if is_white(current, settings.level) else unsearched(rounds, settings.refits)),
+        *unsearched(rounds, settings.refits, is_white(current, settings.level)),
         *start_cautions(undeclared), *after_delays(state.added, current),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
         *(simulated_better(nominal, before, settings.journal) if state.laws or state.constants else ()),

@@ -331,10 +331,11 @@ def round_cautions(first: Round) -> list[str]:
     return refused_everywhere([one for one in first.refused if not one.shipped], tried)
 
 
-def unsearched(rounds: Sequence[Round], refits: int) -> list[str]:
+def unsearched(rounds: Sequence[Round], refits: int, white: bool = False) -> list[str]:
     """A sentence on each round that ended before all candidates were refitted that might have been the best.
 
-    ``refits`` is how many a round was granted.
+    ``refits`` is how many a round was granted. Where innovations are ``white`` in the end, a round that chose nothing
+    missed nothing.
     """
     more = 2 * refits
     return [
@@ -342,7 +343,7 @@ def unsearched(rounds: Sequence[Round], refits: int) -> list[str]:
         f"better - grant more with --refits {more}, in Python LoopSettings(refits={more}), or leave others out with "
         "--without"
         for number, one in enumerate(rounds, start=1)
-        if one.left_out
+        if one.left_out and not (white and one.chosen is None)
     ]
 
 
