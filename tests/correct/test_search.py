@@ -152,6 +152,8 @@ def test_a_fit_outlives_a_model_that_cannot_be_made_again(monkeypatch: pytest.Mo
 def test_a_round_whose_refits_were_spent_says_so() -> None:
     found = turn(drawn(0.05), [effects.quadratic_loss])
     assert unsearched([found], 12) == []
+    nothing = replace(found, chosen=None, left_out=("cubic_loss at drum",))
+    assert unsearched([nothing], 12, white=True) == [] and len(unsearched([nothing], 12)) == 1
     (said,) = unsearched([found, replace(found, left_out=("cubic_loss at drum",))], 12)
     assert said.startswith("round 2 ended with its 12 refits spent: cubic_loss at drum might have done better")
     assert "--refits 24" in said and "LoopSettings(refits=24)" in said
