@@ -245,26 +245,27 @@ def cubic_loss(g: BondGraph, at: Place) -> Effect | None:
 def shear_thinning_loss(g: BondGraph, at: Place) -> Effect | None:
     """Friction of a lubricant that thins under shear: it grows with the flow, and ever less, as Eyring's law has it."""
     meaning = "friction per e-fold of the flow"
-    return _logarithmic(g, at, "shear_thinning_loss", meaning, _EYRING) if is_motion(at) else None
+    return _logarithmic(g, at, "shear_thinning_loss", meaning, _EYRING, False) if is_motion(at) else None
 
 
 def electrode_loss(g: BondGraph, at: Place) -> Effect | None:
     """Effort that grows with the logarithm of the flow: the reaction at an electrode, as Butler and Volmer have it."""
     word = _REACTION.at(at)
-    return _logarithmic(g, at, word, "effort per e-fold of the flow", _BUTLER) if has_flow(at) and word else None
+    return _logarithmic(g, at, word, "effort per e-fold of the flow", _BUTLER, True) if has_flow(at) and word else None
 
 
-def _logarithmic(g: BondGraph, at: Place, word: str, meaning: str, reference: str) -> Effect:
+def _logarithmic(g: BondGraph, at: Place, word: str, meaning: str, reference: str, bends: bool) -> Effect:
+    """The law; where it ``bends`` is estimated, else it begins far below what the logs reach."""
     name, c = coefficient(g, at, word, meaning, effort_unit(at), power=0)
     least, most = at.smoothing * at.scale.flow, _CURVED * at.scale.flow  # one that begins below that is a step
     around = g.parameter(
-        f"v_{name}", (least * most) ** 0.5, flow_unit(at), "flow above which the loss grows by its logarithm",
-        (least, most),
+        f"v_{name}", least, flow_unit(at), "flow above which the loss grows by its logarithm",
+        (least, most) if bends else None,
     )  # fmt: skip
     g.resistance(name, lambda flow: c * asinh(flow / around), at=at.junction)
     return Effect(
-        word, name, "effort = c*asinh(flow/v)", (c.name,), shapes=(around.name,), reference=reference, dissipative=True,
-        manoeuvre="flows over several powers of ten",
+        word, name, "effort = c*asinh(flow/v)", (c.name,), shapes=(around.name,) if bends else (),
+        reference=reference, dissipative=True, manoeuvre="flows over several powers of ten",
     )  # fmt: skip
 
 

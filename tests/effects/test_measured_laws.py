@@ -104,11 +104,8 @@ def test_shear_thinning_loss_only_takes_energy_and_grows_by_the_logarithm(v: flo
     g, effect = added(effects.shear_thinning_loss)
     built = build(with_values(g, {effect.coefficients[0]: 4.0}))
     assert force(built, v) * v < 0
-    (bend,) = (one.value for one in built.model.parameters if one.name in effect.shapes)
-    assert force(built, v) == pytest.approx(-4.0 * np.arcsinh(v / bend), rel=1e-9)
-    # twice the speed, far above where it bends: c log 2 more
-    fast = build(with_values(g, {effect.coefficients[0]: 4.0, effect.shapes[0]: 0.004}))
-    assert force(fast, 0.2) - force(fast, 0.4) == pytest.approx(4.0 * np.log(2.0), rel=1e-3)
+    # twice the speed, far above the 2 % of the scale where it bends: c log 2 more
+    assert force(built, 0.2) - force(built, 0.4) == pytest.approx(4.0 * np.log(2.0), rel=1e-3)
 
 
 def test_friction_along_the_travel_opposes_the_motion_either_way() -> None:
