@@ -28,6 +28,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
 from bondgraph.declare.revision import replace_input, revise_law
 from bondgraph.effects.places import (
+    BENT,
     ceiling,
     closer_delay,
     commanded,
@@ -53,8 +54,6 @@ _DEAD_TIME = "Normey-Rico, Camacho (2007), Control of Dead-time Processes"
 _MACHINERY = "Krause, Wasynczuk, Sudhoff, Pekarek (2013), Analysis of Electric Machinery and Drive Systems"
 _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, for inherent characteristics of valves"
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
-#: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
-_BENT = (-0.67, 3.0)
 #: Powers of the current with which a motor's constant falls: from its own to that of iron that saturates late. A
 #: convention; the square is the first term of an even curve.
 _FADING = (1.0, 4.0)
@@ -296,7 +295,7 @@ def actuator_exponent(g: BondGraph, at: Place) -> Effect | None:
         return None
     node, given, unit, size = found
     name = f"actuator_exponent_{at.name}"
-    b = g.parameter(f"b_{name}", 0.0, "1", f"exponent of {node.name} beyond a straight map", _BENT)
+    b = g.parameter(f"b_{name}", 0.0, "1", f"exponent of {node.name} beyond a straight map", BENT)
     right = g.parameter(f"right_{name}", size, unit, f"where {node.name} gives what is declared")
     revise_law(g, node.name, given, lambda old: old * ((old / right) ** 2 + SMOOTHING**4) ** (b / 2))
     return Effect(

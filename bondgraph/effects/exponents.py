@@ -18,11 +18,9 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
 from bondgraph.derive.laws import linear_coefficient
 from bondgraph.effects.families import each_resistance
-from bondgraph.effects.places import effort_unit, elements_at, flow_unit, gives_flow
+from bondgraph.effects.places import BENT, effort_unit, elements_at, flow_unit, gives_flow
 
 _PIPES = "White (2011), Fluid Mechanics, chapter 6"
-#: Exponents beyond one that are searched: from a root of the third degree to a fourth power. A convention.
-_BENT = (-0.67, 3.0)
 
 
 @family(each_resistance("resistance_exponent", lambda g, at, k: _bent(g, at, k)))
@@ -46,7 +44,7 @@ def _bent(g: BondGraph, at: Place, which: int) -> Effect | None:
     own = "flow" if given == "effort" else "effort"
     effect = "resistance_exponent" if len(lines) == 1 else f"resistance_exponent_of_{node.name}"
     name = f"{effect}_{at.name}"
-    b = g.parameter(f"b_{name}", 0.0, "1", f"exponent of {node.name} beyond a straight line", _BENT)
+    b = g.parameter(f"b_{name}", 0.0, "1", f"exponent of {node.name} beyond a straight line", BENT)
     unit = flow_unit(at) if own == "flow" else effort_unit(at)
     right = g.parameter(f"r_{name}", float(f"{usual:.3g}"), unit, f"{own} at which {node.name} is as declared")
     share: Expr = ((symbol(own) / right) ** 2 + SMOOTHING**4) ** (b / 2)

@@ -22,6 +22,8 @@ from bondgraph.derive.laws import linear_coefficient
 #: Law and reference of a delay, see :func:`delayed`.
 DELAY_LAW = "by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)"
 PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
+#: Exponents beyond one of a bent map or line, from a root of the third degree to a fourth power. A convention.
+BENT = (-0.67, 3.0)
 #: Bounds of the number that says how sharply a ceiling ends: a hyperbolic tangent is about 2.7, twenty a corner.
 SHARPNESS = (2.0, 20.0)
 #: Square of a share of a ceiling below which the slope of its sharpness does not matter: a logarithm needs a number.

@@ -23,7 +23,7 @@ class Context:
     ``base`` is the fit without any candidate, ``tried`` how many were tried, ``required`` the gain in nats that passes
     the tests (:func:`bondgraph.correct.evidence.decide.hurdle`), ``quiet`` the fit with little process noise,
     ``substeps`` the steps from which halvings are counted, see :func:`bondgraph.correct.evidence.certified.resolving`.
-    ``formed`` are signals in which no law has a regime: what one that stores leaves by its form shows there.
+    ``formed`` are signals in which no law gets a regime, since the form of a law that stores shows there.
     """
 
     built: BuiltModel

@@ -77,8 +77,8 @@ def _completes(
 def stored_signals(laws: Sequence[Trial], graph: BondGraph) -> frozenset[str]:
     """Names of the signals of laws that store: their own, and what the elements hold.
 
-    Such a law takes no form of its own from a formula. Of a ceramic condenser what the dictionary's form left was told
-    as a resistance of the line while its voltage lies between two levels.
+    Such a law takes no form of its own from a formula. The form of a ceramic condenser was told as a resistance of the
+    line where the voltage lies between two levels.
     """
     flat, found = graph.flatten(), set[str]()
     for law in laws:
