@@ -350,7 +350,10 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
         "--minutes", type=positive, default=math.inf, metavar="N",
         help="time after which no round goes on; the answer is what was found by then (default: as long as it takes)",
     )  # fmt: skip
-    command.add_argument("--level", type=share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
+    command.add_argument(
+        "--level", type=share, default=0.01,
+        help="chance of a false alarm in the first round; the k-th has that over k squared (default: 0.01)",
+    )  # fmt: skip
     command.add_argument("--rate", type=positive, metavar="HZ", help="use every k-th sample, down to this rate")
     command.add_argument("--no-faults", action="store_true", help="do not try faults of sensors")
     command.add_argument(

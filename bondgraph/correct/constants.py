@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from bondgraph.estimate.otherwise import INDIFFERENT as INDIFFERENT
 from bondgraph.estimate.otherwise import SMOOTH_OPTIMISM
 
-#: Chance of a false alarm over all candidates of one round, corrected for their number (Bonferroni).
+#: Chance of a false alarm over all candidates of the first round, corrected for their number (Bonferroni). Rounds
+#: beside laws have less, see ``RoundSettings.beside``.
 LEVEL = 0.01
 #: Parts of a sensor's noise by which a law must move it to be named: alone, and beside a larger law, whose form leaves
 #: something too. A sensor is hardly better than a fifth of its noise over its range, and a third is the smallest error

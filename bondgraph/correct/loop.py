@@ -68,7 +68,8 @@ from bondgraph.text import count, few
 class LoopSettings:
     """How far a correction goes.
 
-    ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
+    ``level`` is the chance of a false alarm over all candidates of the first round, see
+    :meth:`bondgraph.correct.round.RoundSettings.beside` for later ones; ``refits`` how many of the best scores
     are refitted at most; ``process_noise`` as in :func:`bondgraph.estimate.setup.filter_setup`; ``faults``: faults
     of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
     ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried; ``inputs_as_declared``:
@@ -260,8 +261,9 @@ def _rounds(
     What fails in the first round is told; later ones have results that are worth keeping. Every round adds an effect or
     takes one out for good, so that they end.
     """
-    rounds, own = list(earlier), replace(own, report=strictly(own.report))
+    rounds, granted = list(earlier), replace(own, report=strictly(own.report))
     while (room := most - state.named) > 0 and len(rounds) - len(earlier) < 2 * most + 1:
+        own = granted.beside(state.named)
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present, state.added)
             rounds.append(turn)

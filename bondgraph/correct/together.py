@@ -49,7 +49,7 @@ def _together(
     begun = advance(state, replace(turn, chosen=lead), settings)
     if not any(one.candidate.label == lead.candidate.label for one in begun.laws):
         return None
-    second = one_round(begun.built, begun.fit, begun.train, functions, settings, begun.present, begun.added)
+    second = one_round(begun.built, begun.fit, begun.train, functions, settings.beside(1), begun.present, begun.added)
     if second.chosen is None or second.chosen.gate is not None or second.chosen.candidate.effect.channel:
         return None
     both = advance(begun, second, settings)
