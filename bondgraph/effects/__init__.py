@@ -63,6 +63,7 @@ from bondgraph.effects.thermal import radiation as radiation
 from bondgraph.effects.thermal import varying_heat_capacity as varying_heat_capacity
 from bondgraph.effects.thermal import latent_heat as latent_heat
 from bondgraph.effects.storages import added_capacity as added_capacity
+from bondgraph.effects.storages import entrained_air as entrained_air
 from bondgraph.effects.storages import added_compliance as added_compliance
 from bondgraph.effects.storages import added_inertia as added_inertia
 from bondgraph.effects.lines import line_inertia as line_inertia
@@ -106,6 +107,7 @@ from bondgraph.effects.imperfect import core_loss as core_loss
 from bondgraph.effects.thermal import radiation_between as radiation_between
 from bondgraph.effects.relaxation import polarisation as polarisation
 from bondgraph.effects.relaxation import slow_heat_capacity as slow_heat_capacity
+from bondgraph.effects.relaxation import dragged_mass as dragged_mass
 from bondgraph.effects.relaxation import sprung_mass as sprung_mass
 from bondgraph.effects.relaxation import viscoelastic_drag as viscoelastic_drag
 from bondgraph.effects.fading import charge_fading as charge_fading

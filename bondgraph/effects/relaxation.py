@@ -1,4 +1,4 @@
-"""Parts with a time of their own: polarised cells, viscoelastic drag, slow storages, masses that swing along.
+"""Parts with a time of their own: polarised cells, viscoelastic drag, eddy currents, slow storages, sprung masses.
 
 An ordinary loss answers at once and an ordinary storage for ever; these do both one after the other. Each has a state
 that follows by a first-order lag and vanishes with its coefficient. The time of the lag is a shape: it lies between the
@@ -9,7 +9,8 @@ References: Plett (2015), Battery Management Systems, volume 1, section 2.4, for
 Viscoelastic Properties of Polymers, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1), for walls
 with a temperature of their own; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for gas
 that gives the heat of compression to its walls; Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on
-springs.
+springs or in oil; Vanderkooy (1989), J. Audio Eng. Soc. 37(3), for eddy currents beside a coil; Trikha (1975), ASME J.
+Fluids Eng. 97(1), for friction in pipes that follows a change of the flow.
 """
 
 from __future__ import annotations
@@ -42,6 +43,13 @@ _SLOW = Words("", "", "gas_heat_exchange", "slow_heat_capacity")
 _SLOWLY = {
     "gas_heat_exchange": "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)",
     "slow_heat_capacity": "Madsen, Holst (1995), Energy and Buildings 22(1)",
+}
+#: Names of an inertance behind a resistance, beside a declared one, and where it is described.
+_DRAGGED = Words("dragged_mass", "eddy_currents", "unsteady_friction")
+_DRAGGING = {
+    "dragged_mass": "Den Hartog (1956), Mechanical Vibrations, chapter 3",
+    "eddy_currents": "Vanderkooy (1989), J. Audio Eng. Soc. 37(3)",
+    "unsteady_friction": "Trikha (1975), ASME J. Fluids Eng. 97(1)",
 }
 #: Frequencies at which a mass on a spring is tried, one every half octave or so where logs tell of two decades.
 _FREQUENCIES = 12
@@ -87,6 +95,28 @@ def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         word, name, "flow = c*(effort - x), dx/dt = (effort - x)/T", (c.name,), shapes=(time.name,),
         reference=_SLOWLY[word], dissipative=True, manoeuvre="a step of the flow, then time to settle",
+    )  # fmt: skip
+
+
+def dragged_mass(g: BondGraph, at: Place) -> Effect | None:
+    """An inertance that a resistance drags along: a ring in oil, eddy currents in iron, layers of a flow in a pipe.
+
+    In steady flow it gives nothing. It rides along at first, so that its lag in flow is its state.
+    """
+    word = _DRAGGED.at(at) if has_flow(at) else ""
+    slope = rate_of_storage(g, at, "I", "flow", "momentum", "effort") if word else None
+    if slope is None:
+        return None
+    meaning = f"resistance to a quick change, {word.replace('_', ' ')}"
+    name, c = coefficient(g, at, word, meaning, over(effort_unit(at), flow_unit(at)), power=1)
+    time = _time(g, at, name)
+    lead = g.integral(
+        f"lead_{name}", lambda y: slope - y / time, flow_unit(at), f"flow of {at.label} over that of the dragged part"
+    )  # fmt: skip
+    g.effort_source(name, -c * lead, at=at.junction)
+    return Effect(
+        word, name, "effort = c*(flow - x), dx/dt = (flow - x)/T", (c.name,), shapes=(time.name,),
+        reference=_DRAGGING[word], dissipative=True, manoeuvre="a step of the effort, then time to settle",
     )  # fmt: skip
 
 

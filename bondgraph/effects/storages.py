@@ -1,10 +1,11 @@
 """Storages that were not declared, and those whose law is not straight: inertia, elasticity, play, gas, saturation.
 
 References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Nordin, Gutman (2002), Automatica 38(10),
-for backlash as a dead zone of an elastic shaft; Duffing (1918), Erzwungene Schwingungen, for springs that harden;
+for backlash as a dead zone of an elastic shaft; Gholizadeh, Burton, Schoenau (2011), International Journal of Fluid
+Power 12(3), for air in oil; Duffing (1918), Erzwungene Schwingungen, for springs that harden;
 Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4, for springs that soften; Trutt, Erdelyi, Hopkins (1968), IEEE
 Trans. PAS 87(3), for the magnetisation of iron; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for
-gas that exchanges little heat while it is compressed.
+gas that exchanges little heat while it is compressed; Johnson (1985), Contact Mechanics, chapter 4, for stops.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from sympy import Abs, Expr, Rational, sign
 
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION
 from bondgraph.declare.editing import split_bond
-from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.effect import SMOOTHING, Effect, Place
 from bondgraph.declare.elements import Node
 from bondgraph.declare.functions import clip, maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
-from bondgraph.declare.revision import revise_law
-from bondgraph.derive.laws import linear_coefficient, slope
+from bondgraph.declare.revision import revise_laws
+from bondgraph.derive.laws import affine_parts, linear_coefficient, slope
 from bondgraph.effects.places import (
     Words,
     effort_unit,
@@ -39,7 +40,7 @@ from bondgraph.effects.places import (
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _DUFFING = "Duffing (1918), Erzwungene Schwingungen bei veränderlicher Eigenfrequenz"
 _SOFTENING = "Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4"
-_STOP = "Karnopp, Margolis, Rosenberg (2012), System Dynamics"
+_STOP = "Johnson (1985), Contact Mechanics, chapter 4"
 _GAS_LAW = "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)"
 #: Names of laws in each domain.
 _INERTIA = Words("added_inertia", "added_inductance", "fluid_inertia")
@@ -51,6 +52,10 @@ _GAS = Words("air_spring", hydraulic="gas_accumulator")
 COMPRESSED = 0.9
 #: The own variable of a compliance.
 _STRETCH = symbol("displacement")
+#: Volume of air in oil at most, as a multiple of what the oil gives way up to the largest pressure: a convention.
+_MOST_AIR = 10.0
+#: Absolute pressure of the surroundings, from which gauges count [Pa].
+_ATMOSPHERE = 1.01325e5
 #: Time in which the effort of a place brings an inertia to its flow that is as large as it may be [s].
 LONGEST_RUN_UP = 2.0
 
@@ -83,6 +88,32 @@ def added_capacity(g: BondGraph, at: Place) -> Effect | None:
     g.compliance(name, displacement=lambda effort: c * effort, at=at.junction)
     return Effect(
         word, name, "flow = c*d(effort)/dt", (c.name,), reference=_STORAGES, manoeuvre="quick changes of the effort"
+    )  # fmt: skip
+
+
+def entrained_air(g: BondGraph, at: Place) -> Effect | None:
+    """Air in oil or water, which is compressed first: a capacity that falls as the pressure rises.
+
+    P is the absolute pressure where the declared one is zero, that of the surroundings where gauges show it.
+    """
+    declared = capacity_beside(g, at) if has_effort(at) and at.domain == HYDRAULIC else None
+    if declared is None:
+        return None
+    name, size = f"entrained_air_{at.name}", at.scale.effort
+    most = _MOST_AIR * declared[0] * size
+    c = g.parameter(f"c_{name}", 0.0, "m^3", f"volume of air at {at.label} where the pressure is zero", (0.0, most))
+    bounds = (min(0.1 * _ATMOSPHERE, 0.01 * size), max(10.0 * _ATMOSPHERE, size))
+    least = g.parameter(f"P_{name}", _ATMOSPHERE, "Pa", "absolute pressure where the declared one is zero", bounds)
+
+    def compressed(pressure: Expr) -> Expr:
+        above = maximum(pressure, -least / 2)  # with less the air would fill the machine
+        return c * above / (above + least)
+
+    g.compliance(name, displacement=compressed, at=at.junction)
+    return Effect(
+        "entrained_air", name, "volume = declared + c*effort/(effort + P)", (c.name,), shapes=(least.name,),
+        reference="Gholizadeh, Burton, Schoenau (2011), International Journal of Fluid Power 12(3)",
+        manoeuvre="the same steps at a low and at a high pressure",
     )  # fmt: skip
 
 
@@ -122,7 +153,7 @@ def backlash(g: BondGraph, at: Place) -> Effect | None:
         return None
     name = f"backlash_{at.name}"
     gap = g.parameter(f"gap_{name}", 0.0, spring.unit, f"half of the play at {at.label}", (0.0, 2.0 * spring.way))
-    revise_law(g, spring.name, "effort", lambda old: old.xreplace({_STRETCH: _STRETCH - clip(_STRETCH, -gap, gap)}))
+    _bend(g, spring, lambda old: old.xreplace({_STRETCH: _STRETCH - clip(_STRETCH, -gap, gap)}))
     return Effect(
         "backlash", spring.name, "effort = k*(displacement - clip(displacement, -b, b))", (gap.name,),
         amplitudes=(0.03, 0.1, 0.3), reference="Nordin, Gutman (2002), Automatica 38(10)",
@@ -139,7 +170,7 @@ def hardening_spring(g: BondGraph, at: Place) -> Effect | None:
     name = f"{word}_{at.name}"
     limit = spring.effort / spring.way**3
     c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit, 3), "cubic coefficient", (-limit, limit))
-    revise_law(g, spring.name, "effort", lambda old: old + c * _STRETCH**3)
+    _bend(g, spring, lambda old: old + c * _STRETCH**3)
     return Effect(
         word, spring.name, "effort = declared + c*displacement^3", (c.name,), reference=_DUFFING,
         manoeuvre="small and large swings in one log",
@@ -155,7 +186,7 @@ def progressive_spring(g: BondGraph, at: Place) -> Effect | None:
     name = f"{word}_{at.name}"
     limit = spring.effort / spring.way**2
     c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit, 2), "rise of the stiffness", (-limit, limit))
-    revise_law(g, spring.name, "effort", lambda old: old + c * _STRETCH * Abs(_STRETCH))
+    _bend(g, spring, lambda old: old + c * _STRETCH * Abs(_STRETCH))
     return Effect(
         word, spring.name, "effort = declared + c*displacement*|displacement|", (c.name,), reference=_DUFFING,
         manoeuvre="small and large displacements in one log",
@@ -171,7 +202,7 @@ def softening_spring(g: BondGraph, at: Place) -> Effect | None:
     limit = 30.0 / spring.way**2
     meaning = "1 over the square of a displacement"
     c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit, 2), meaning, (0.0, limit))
-    revise_law(g, spring.name, "effort", lambda old: old / (1 + c * _STRETCH**2) ** Rational(1, 2))
+    _bend(g, spring, lambda old: old / (1 + c * _STRETCH**2) ** Rational(1, 2))
     return Effect(
         "softening_spring", spring.name, "effort = declared/sqrt(1 + c*displacement^2)", (c.name,),
         reference=_SOFTENING, manoeuvre="small and large displacements in one log",
@@ -179,12 +210,12 @@ def softening_spring(g: BondGraph, at: Place) -> Effect | None:
 
 
 def end_stop(g: BondGraph, at: Place) -> Effect | None:
-    """Stops on both sides: beyond a displacement a second, stiffer spring acts."""
+    """Stops on both sides: beyond a displacement a second spring acts, straight or stiffening as it is pressed."""
     return _stop(g, at, "end_stop", lambda q, gap: q - clip(q, -gap, gap), "q - clip(q, -g, g)", both=True)
 
 
 def one_sided_stop(g: BondGraph, at: Place) -> Effect | None:
-    """A stop on one side: below where its position is positive it is free, above where that is negative."""
+    """A stop on one side, straight or stiffening: free below where its position is positive, above where negative."""
     return _stop(
         g, at, "one_sided_stop", lambda q, gap: sign(gap) * maximum(sign(gap) * (q - gap), 0),
         "sign(g)*max(sign(g)*(q - g), 0)", both=False,
@@ -208,7 +239,7 @@ def gas_storage(g: BondGraph, at: Place) -> Effect | None:
     meaning = "1 over the displacement that would leave no volume"
     lower = 0.0 if is_accumulator else -limit
     c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit), meaning, (lower, limit))
-    revise_law(g, spring.name, "effort", lambda old: old.xreplace({_STRETCH: _polytropic(c)}))
+    _bend(g, spring, lambda old: old.xreplace({_STRETCH: _polytropic(c)}))
     return Effect(
         word, spring.name, "effort = declared(y), y = ((1 - c*q)^(-4/3) - 1)/(4/3*c), q = displacement", (c.name,),
         reference=_GAS_LAW, manoeuvre="small and large displacements in one log",
@@ -237,10 +268,18 @@ def _stop(
     c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit), "stiffness of the stop", (0.0, limit))
     lower = 0.05 * spring.way if both else -spring.way
     gap = g.parameter(f"gap_{name}", 0.5 * spring.way, spring.unit, "where the stop begins", (lower, spring.way))
-    revise_law(g, spring.name, "effort", lambda old: old + c * beyond(_STRETCH, gap))
+    n = g.parameter(f"n_{name}", 1.0, "1", "exponent of the stop: 1 straight, 1.5 of a ball", (0.5, 3.0))
+    depth = g.parameter(f"r_{name}", 0.1 * spring.way, spring.unit, "depth at which its stiffness is c")
+
+    def stopped(old: Expr) -> Expr:
+        into = beyond(_STRETCH, gap)
+        return old + c * into * ((into / depth) ** 2 + SMOOTHING**4) ** ((n - 1) / 2)
+
+    _bend(g, spring, stopped)
     return Effect(
-        effect, spring.name, f"effort = declared + c*({law}), q = displacement", (c.name,), shapes=(gap.name,),
-        reference=_STOP, manoeuvre="swings into the stop and swings that do not reach it",
+        effect, spring.name, f"effort = declared + c*x*|x/r|^(n - 1), x = {law}, q = displacement", (c.name,),
+        shapes=(gap.name,), widths=(n.name,), reference=_STOP,
+        manoeuvre="swings into the stop and swings that do not reach it",
     )  # fmt: skip
 
 
@@ -274,15 +313,16 @@ class Spring:
 
 
 def spring_at(g: BondGraph, at: Place, straight: bool = True) -> Spring | None:
-    """The only compliance at a junction, declared by its effort, and straight unless any law will do.
+    """The only compliance at a junction whose effort follows from its displacement; straight unless any law will do.
 
-    Where it is not straight its stiffness is that at the displacement at which it starts.
+    A straight one may have a pretension, or be declared by its capacity. Where it is not straight its stiffness is that
+    at the displacement at which it starts.
     """
     springs = [] if at.bond is not None else elements_at(g, at, "C")
-    if len(springs) != 1 or [given for given, _ in springs[0].laws] != ["effort"]:
+    law = springs[0].law("effort") if len(springs) == 1 else None
+    if law is None:
         return None
-    law = springs[0].laws[0][1]
-    if straight and linear_coefficient(law, _STRETCH) is None:
+    if affine_parts(law, _STRETCH) is None and (straight or springs[0].law("displacement") is not None):
         return None
     values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
     stiffness = slope(law, _STRETCH).subs({**values, _STRETCH: springs[0].initial[0]})
@@ -292,15 +332,20 @@ def spring_at(g: BondGraph, at: Place, straight: bool = True) -> Spring | None:
     return Spring(springs[0].name, at.scale.effort / abs(float(stiffness)), at.scale.effort, unit)
 
 
+def _bend(g: BondGraph, spring: Spring, law: Callable[[Expr], Expr]) -> None:
+    """Give a compliance another effort, made of the old one; what gave its displacement holds no longer."""
+    revise_laws(g, spring.name, lambda laws: {"effort": law(laws["effort"])})
+
+
 def capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:
     """Size and unit of the linear compliance declared at a junction: the natural size of a capacity not counted."""
     values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
     for node in elements_at(g, at, "C"):
         law = node.law("effort")
-        stiffness = None if law is None else linear_coefficient(law, _STRETCH)
-        if stiffness is not None and stiffness.free_symbols <= set(values):
+        parts = None if law is None else affine_parts(law, _STRETCH)
+        if parts is not None and parts[0].free_symbols <= set(values):
             unit = "" if at.domain is None else over(at.domain.displacement_unit, at.domain.effort_unit)
-            return 1.0 / abs(float(stiffness.subs(values))), unit
+            return 1.0 / abs(float(parts[0].subs(values))), unit
     return None
 
 

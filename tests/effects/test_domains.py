@@ -290,7 +290,7 @@ def test_no_place_is_offered_many_laws() -> None:
                 if not function.__name__.startswith("actuator") and is_for(function, place)
                 and function(with_values(bench(domain).graph, {}), place) is not None
             )  # fmt: skip
-            assert count <= 21, (domain, place.label)
+            assert count <= 22, (domain, place.label)
 
 
 def effects_by_default() -> tuple[EffectFunction, ...]:

@@ -13,7 +13,7 @@ from bondgraph.build import build
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.editing import copy, handle, with_bounds, with_values
 from bondgraph.declare.effect import Effect, Place, Scale
-from bondgraph.effects.relaxation import polarisation, slow_heat_capacity, sprung_mass, viscoelastic_drag
+from bondgraph.effects.relaxation import dragged_mass, polarisation, slow_heat_capacity, sprung_mass, viscoelastic_drag
 from bondgraph.report.closed_loop import found_effects
 from bondgraph.simulate.simulation import simulate
 
@@ -142,6 +142,40 @@ def test_a_slow_heat_capacity_is_a_second_body_behind_a_resistance() -> None:
     assert own == pytest.approx(shown(by_hand, u, 5.0), abs=1e-5)
 
 
+@pytest.mark.parametrize(("domain", "name"), [
+    (bg.TRANSLATION, "dragged_mass"), (bg.ROTATION, "dragged_mass"), (bg.ELECTRICAL, "eddy_currents"),
+    (bg.HYDRAULIC, "unsteady_friction"),
+])  # fmt: skip
+def test_a_dragged_mass_is_an_inertance_behind_a_resistance(domain: Domain, name: str) -> None:
+    """Eddy currents behind a coil were a disturbance that wanders at random, and made held-out errors larger."""
+
+    inertance, loss = f"({domain.effort_unit})*s/({domain.flow_unit})", f"({domain.effort_unit})/({domain.flow_unit})"
+
+    def moved() -> bg.BondGraph:
+        g = bg.BondGraph("moved")
+        line = g.one_junction("line", domain)
+        g.effort_source("drive", g.input("drive", domain.effort_unit), at=line)
+        g.inertance("quick", g.parameter("I", 2.0, inertance), at=line, state="f")
+        g.resistance("loss", g.parameter("R", 0.3, loss), at=line)
+        g.measure_flow("shown", line)
+        return g
+
+    resistance, time = 0.8, 1.5
+    by_hand = moved()
+    film, other = by_hand.zero_junction("film", domain), by_hand.one_junction("other", domain)
+    by_hand.bond(handle(by_hand, "line"), film)
+    oil = by_hand.parameter("R_2", resistance, loss)
+    by_hand.resistance("oil", flow=lambda effort: effort / oil, at=film)
+    by_hand.bond(film, other)
+    by_hand.inertance("dragged", by_hand.parameter("I_2", resistance * time, inertance), at=other, state="f_2")
+    u = np.sign(np.sin(np.arange(300) / 20.0))
+    own = shown(with_effect(moved(), dragged_mass, "line", resistance, time), u, 0.1)
+    assert own == pytest.approx(shown(by_hand, u, 0.1), abs=1e-6)
+    g = moved()
+    effect = dragged_mass(g, Place(handle(g, "line"), Scale(1.0, 1.0)))
+    assert isinstance(effect, Effect) and effect.name == name
+
+
 def test_they_look_for_their_time_between_a_sample_and_the_length_of_the_logs() -> None:
     g = cell()
     effect = polarisation(g, Place(handle(g, "wire"), Scale(4.0, 20.0), times=(2.0, 2400.0)))
@@ -156,6 +190,7 @@ def test_places_without_resistance_or_storage_take_none() -> None:
     node = g.zero_junction("node", bg.THERMAL)
     assert polarisation(g, Place(wire, Scale(1.0, 1.0))) is None
     assert viscoelastic_drag(g, Place(wire, Scale(1.0, 1.0))) is None
+    assert dragged_mass(g, Place(wire, Scale(1.0, 1.0))) is None
     assert slow_heat_capacity(g, Place(node, Scale(1.0, 1.0))) is None
 
 
