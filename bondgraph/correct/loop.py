@@ -22,8 +22,8 @@ from bondgraph.correct.corrected import corrected
 from bondgraph.correct.declared_fit import (
     DeclaredFit,
     fit_declared,
-    fit_held,
-    held_after_all,
+    fit_otherwise,
+    otherwise_after_all,
     straight_is_likelier,
 )
 from bondgraph.correct.evidence.certified import doubts
@@ -100,9 +100,9 @@ class ClosedLoop:
     rates among their inputs that no equation uses, see :func:`bondgraph.correct.fits.rates.with_followed_rates`.
     ``confirmation`` is what the logs say of the correction, None where nothing was added. ``events`` act in part of one
     log; they are no part of the corrected declaration, and their sizes are those of ``eventful``, the fit with them.
-    ``disturbances`` wander at random; the corrected declaration has them as states that noise drives. ``held`` are
-    inputs that are held between samples in both models, against the declaration. ``constants`` are given ones that are
-    off: the corrected model has them as estimated.
+    ``disturbances`` wander at random; the corrected declaration has them as states that noise drives. ``held`` and
+    ``limited`` are inputs that are held, and band limited, between samples in both models, against the declaration.
+    ``constants`` are given ones that are off: the corrected model has them as estimated.
     """
 
     verdict: Verdict
@@ -130,6 +130,7 @@ class ClosedLoop:
     disturbances: tuple[Disturbance, ...] = ()
     held: tuple[str, ...] = ()
     constants: tuple[OffConstant, ...] = ()
+    limited: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         name, added = self.nominal_built.graph.name, few([one.trial.candidate.label for one in self.added])
@@ -194,11 +195,11 @@ def close_loop(
     report = clock = Clock(report, settings.minutes)
     begun = fit_declared(graph, train, holdout, settings, report)
     found, rounds, result = _closed(begun, functions, settings, report)
-    if found.held is not None and not clock.spent:
-        report(f"begin anew with {few(found.held.names)} held between samples", 0, 1)
-        begun = fit_held(graph, train, holdout, settings, found.held) or replace(begun, straight=())
+    if (other := found.otherwise) is not None and not clock.spent:
+        report(f"begin anew with {few(other.inputs.names)} {other.inputs.words} between samples", 0, 1)
+        begun = fit_otherwise(graph, train, holdout, settings, other) or replace(begun, straight=())
         found, rounds, result = _closed(begun, functions, settings, report)
-    if begun.held and any(
+    if begun.otherwise and any(
         straight_is_likelier(begun, fitted, built, settings.journal) for fitted, built in _explaining(found, rounds)
     ):
         begun = fit_declared(graph, train, holdout, replace(settings, inputs_as_declared=True), report)
@@ -283,7 +284,7 @@ def _rounds(
             disturbed = explained_at_random(state, turn.chosen, own)
             before, state = state, advance(state, turn, own) if disturbed is state else disturbed
             state = without_needless_constants(state, own)
-            state = state if begun is None or not state.laws else _with_held(begun, before, state, own.journal)
+            state = state if begun is None or not state.laws else _with_inputs(begun, before, state, own.journal)
             if state.anew:
                 return state, rounds, "inputs run otherwise between samples after all"
         except FAILURES as error:
@@ -297,11 +298,11 @@ def _rounds(
     return state, rounds, f"the limit of {most} effects was reached"
 
 
-def _with_held(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:
-    """The state after a law was added, with the inputs that it shows to be held, or not to be."""
-    held = held_after_all(begun, (before.fit, before.built), (after.fit, after.built), journal)
-    straight = bool(begun.held) and straight_is_likelier(begun, after.fit, after.built, journal)
-    return replace(after, held=held, straight=straight)
+def _with_inputs(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:
+    """The state after a law was added, with the inputs that it shows to run another way, or straight after all."""
+    other = otherwise_after_all(begun, (before.fit, before.built), (after.fit, after.built), journal)
+    straight = bool(begun.otherwise) and straight_is_likelier(begun, after.fit, after.built, journal)
+    return replace(after, otherwise=other, straight=straight)
 
 
 def _result(
@@ -345,7 +346,7 @@ def _result(
         *verdict(added, random, rest.unexplained, residual, settings.level, reason, logs, doubted), nominal, current,
         before[0], before[1], after[0], after[1], begun.built, corrected_built, added, tuple(rounds), told, first, last,
         residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit, random,
-        begun.held, state.constants,
+        begun.running("hold"), state.constants, begun.running("band limited"),
     )  # fmt: skip
     report("assess", 1, 1)
     return result

@@ -10,7 +10,7 @@ import numpy as np
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import LEVEL
-from bondgraph.correct.declared_fit import HeldAfterAll
+from bondgraph.correct.declared_fit import OtherwiseAfterAll
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import doubt, judge
@@ -72,9 +72,9 @@ class Progress:
 
     ``added`` holds events too, effects that act in part of a log only: as long as the search goes on they are in the
     model, and the logs know their times. ``check`` says what halved steps would change at the fit.
-    ``banned`` are effects that were dropped, by function and place: they are not offered again. ``held`` are inputs
-    that what was added shows to be held between samples: all begins anew with these, or with straight lines where it
-    shows ``straight`` ones to be likelier than held inputs. ``constants`` are given ones that are free after all.
+    ``banned`` are effects that were dropped, by function and place: they are not offered again. ``otherwise`` are
+    inputs that what was added shows to run another way between samples: all begins anew so, or with straight lines
+    where it shows ``straight`` ones to be likelier after all. ``constants`` are given ones that are free after all.
     """
 
     declared: BondGraph
@@ -85,14 +85,14 @@ class Progress:
     history: tuple[Decision, ...] = ()
     banned: frozenset[tuple[str, str]] = frozenset()
     check: Check | None = None
-    held: HeldAfterAll | None = None
+    otherwise: OtherwiseAfterAll | None = None
     straight: bool = False
     constants: tuple[OffConstant, ...] = ()
 
     @property
     def anew(self) -> bool:
         """True where all begins anew with inputs that run otherwise between samples."""
-        return self.held is not None or self.straight
+        return self.otherwise is not None or self.straight
 
     @property
     def present(self) -> set[tuple[str, str]]:

@@ -49,6 +49,24 @@ def finer(values: FloatArray, pieces: int = PIECES) -> FloatArray:
     return between
 
 
+def curvature(values: FloatArray) -> float:
+    """How far even samples (n,) run from straight lines between them if they are band limited, over their scatter.
+
+    Examples
+    --------
+    >>> time = np.arange(400)
+    >>> slow, quick = (curvature(np.sin(2 * np.pi * time / period)) for period in (100, 5))
+    >>> slow < 1e-3, quick > 0.1
+    (True, True)
+    """
+    scatter = float(np.std(values))
+    if values.size < 2 or scatter == 0.0:
+        return 0.0
+    at = np.arange((values.size - 1) * PIECES + 1) / PIECES
+    away = finer(values) - np.interp(at, np.arange(values.size), values)
+    return float(np.sqrt(np.mean(away**2))) / scatter
+
+
 def finer_times(time: FloatArray, pieces: int = PIECES) -> FloatArray:
     """Times (n,) with those between them, ((n - 1)*pieces + 1,).
 

@@ -12,6 +12,7 @@ from bondgraph.text import few, inflected, number
 _WORDS: Mapping[str, tuple[str, str, str, str]] = {
     "hold": ("held", "straight lines", "with hold=True", "held"),
     "linear": ("straight", "held", "without hold", "linear"),
+    "band limited": ("band limited", "straight lines", "with between='band limited'", "band"),
 }
 
 
@@ -19,7 +20,8 @@ _WORDS: Mapping[str, tuple[str, str, str, str]] = {
 class InputsOtherwise:
     """Inputs that run another way between samples, ``nats`` likelier than as declared.
 
-    ``way`` is ``hold`` or ``linear``; ``in_pieces`` is true where the logs show all of them constant in pieces.
+    ``way`` is ``hold``, ``linear`` or ``band limited``; ``in_pieces`` is true where the logs show all of them constant
+    in pieces.
     """
 
     names: tuple[str, ...]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.data.band_limited import BAND_LIMITED, curvature, is_even
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.derivatives.exact import derivatives
@@ -34,6 +35,9 @@ INDIFFERENT = 3.0
 SMOOTH_OPTIMISM = 2.5
 #: Share of samples at which an input moves below which it is constant in pieces: most samples, a convention.
 _IN_PIECES = 0.5
+#: Share of its scatter by which an input must run beside straight lines before it is tried as band limited: what
+#: sensors of a good class are off, and a sine with some twenty samples in its period. A convention.
+_CURVED = 0.01
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,24 @@ def moving_inputs(model: Model, logs: Sequence[MatchedLog], way: str) -> list[Mo
     return found
 
 
+def curved_inputs(model: Model, logs: Sequence[MatchedLog]) -> list[str]:
+    """Inputs that are straight between samples, and would not be if they were band limited; none at uneven times.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> time = np.arange(200.0)
+    >>> quick, slow = ([MatchedLog("run", time, np.sin(time / n)[np.newaxis], np.zeros((1, 200)))] for n in (1, 30))
+    >>> curved_inputs(pendulum(), quick), curved_inputs(pendulum(), slow)
+    (['drive'], [])
+    """
+    if not all(is_even(log.time) for log in logs):
+        return []
+    moving = [one.name for one in moving_inputs(model, logs, "linear") if not one.in_pieces]
+    rows = {info.name: row for row, info in enumerate(model.inputs[known] for known in given_rows(model))}
+    return [name for name in moving if max(curvature(log.u[rows[name]]) for log in logs) > _CURVED]
+
+
 def lost_otherwise(fitted: Fit, model: Model, journal: Journal | None = None) -> float:
     """Nats by which a fit gets worse with another model of the same parameters, searched from where it is.
 
@@ -94,8 +116,9 @@ def lost_otherwise(fitted: Fit, model: Model, journal: Journal | None = None) ->
 def with_inputs_compared(found: Estimate, progress: Progress = silent) -> Estimate:
     """The estimate with what is likelier than its inputs as declared between samples, if anything is.
 
-    Straight inputs are tried held: those that are constant in pieces, and all. Held ones that move at most samples are
-    tried straight. An estimate whose search has no end, or that has several filter models, is returned itself.
+    Straight inputs are tried held: those that are constant in pieces, and all; quick ones are tried band limited. Held
+    ones that move at most samples are tried straight. An estimate whose search has no end, or that has several filter
+    models, is returned itself.
 
     Parameters
     ----------
@@ -129,6 +152,8 @@ def _tried(problem: EstimationProblem) -> list[InputsOtherwise]:
     every = tuple(one.name for one in straight)
     sets = [InputsOtherwise(names, "hold", names == pieces) for names in dict.fromkeys((pieces, every)) if names]
     moving = tuple(one.name for one in held if not one.in_pieces)
+    curved = tuple(curved_inputs(model, problem.logs))
+    sets += [InputsOtherwise(curved, BAND_LIMITED, False)] if curved else []
     return [*sets, *([InputsOtherwise(moving, "linear", False)] if moving else [])]
 
 

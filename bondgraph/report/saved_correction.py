@@ -320,7 +320,9 @@ def saved_correction(
 def declared_graph(closed: ClosedLoop) -> BondGraph:
     """The graph as it was declared, before the loop gave it rates, a state or inputs that are held."""
     graph = without_resting_state(without_input_rates(closed.nominal_built.graph))
-    straight: dict[str, Interpolation] = dict.fromkeys(closed.held, "linear")  # only such inputs are tried as held
+    straight: dict[str, Interpolation] = dict.fromkeys(
+        (*closed.held, *closed.limited), "linear"
+    )  # others are not tried
     return with_inputs_between(graph, **straight)
 
 

@@ -55,6 +55,20 @@ def test_the_other_way_is_told_where_it_is_likelier(declared: bool, held: bool, 
         assert found.to_dict()["inputs_otherwise"] == {"inputs": ["force"], "way": other.way, "nats": other.nats}
 
 
+def test_a_force_that_a_filter_has_passed_is_told_as_band_limited() -> None:
+    time, chance = 0.1 * np.arange(600), np.random.default_rng(1)
+    force, speed = np.zeros(600), _NOISE * chance.standard_normal(600)
+    for hertz in (0.7, 1.9, 3.1):
+        wave = 9.0 * np.exp(2j * np.pi * hertz * time)
+        force += wave.real
+        speed += (wave / (_DRAG + 2j * np.pi * hertz * _MASS)).real
+    log = MatchedLog("run", time, force[np.newaxis], speed[np.newaxis])
+    found = bg.estimate(bg.build(_cart()), log, settings=_QUICK)
+    other = found.inputs_otherwise
+    assert other is not None and (other.names, other.way) == (("force",), "band limited")
+    assert "declare it with between='band limited' (--inputs-between force=band)" in found.summary()
+
+
 def test_the_command_says_what_to_declare_and_not_where_it_was_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
