@@ -37,7 +37,7 @@ from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
-from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
+from bondgraph.estimate.noise_starts import noisiest_start, noisy_starts, quiet_start
 from bondgraph.estimate.otherwise import curved_inputs, lost_otherwise, moving_inputs
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import with_longest_steps
@@ -285,15 +285,13 @@ def _certified(found: Fit, journal: Journal, substeps: int | None) -> tuple[Fit,
 def _elsewhere(problem: EstimationProblem, found: Fit) -> list[FloatArray]:
     """Points where another search of the declared model begins: with much noise, and off the bounds on which it rests.
 
-    With little noise the likelihood of what swings has an optimum at every period that fits in between: of a lift on a
-    rope 15 % too stiff one was 1100 nats behind the best. Much noise of process and sensors makes it smooth, and the
-    search takes the noise away as it comes near (graduated optimisation: Blake and Zisserman, 1987, Visual
-    Reconstruction). An optimum may also lie on a bound and a better one inside: a rope rested on the softest that was
-    allowed, and all masses had intervals that left out the truth. None of stiff models, whose fits are costly.
+    For what swings see :func:`bondgraph.estimate.noise_starts.noisiest_start`. An optimum may also lie on a bound and a
+    better one inside: a rope rested on the softest that was allowed, and all masses had intervals that left out the
+    truth. None of stiff models, whose fits are costly.
     """
     if problem.filter_model.is_stiff:
         return []
-    starts = [noisy_starts(problem.free)[-1]]
+    starts = [noisiest_start(problem.free)]
     resting = found.held & np.array([one.target.kind == "parameter" for one in found.problem.free])
     if resting.any():
         begun = [one.coordinate(one.start) for one in found.problem.free]

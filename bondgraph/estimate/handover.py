@@ -18,6 +18,7 @@ import numpy as np
 from bondgraph.estimate.derivatives.exact import filtering_work
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.joint import JointProblem, Problem
+from bondgraph.estimate.noise_starts import noisiest_start
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.solvers.abstract import AbstractSearch
@@ -42,6 +43,9 @@ _ITERATIONS, _PATIENCE, _GAIN = 20, 6, 1.0
 
 #: Kinds of free parameters that are levels of noise.
 _LEVELS = ("std", "process")
+
+#: Gradient searches from which on one begins with much noise, so that two are left to the swarm.
+_WITH_NOISY = 4
 
 #: Starts of noise levels scatter within this factor of the first.
 _SCATTER = 100.0
@@ -126,12 +130,14 @@ def swarm_starts(problem: Problem, points: FloatArray, values: FloatArray, count
     """The best distinct of points (n, members), and among several the declared start; shape (n, up to count).
 
     The declared start is what an engineer believes, and the levels of noise that the swarm ranked points by may have
-    been wrong.
+    been wrong. Where levels are free and there are four starts or more, one of them is the declared start with much
+    noise: from there a likelihood is smooth that has a valley for every period of what swings.
     """
-    found = distinct_starts(problem, points, values, max(count - 1, 1))
+    noisy = [noisiest_start(problem.free)] if count >= _WITH_NOISY and problem.noise_levels.any() else []
+    found = distinct_starts(problem, points, values, max(count - 1 - len(noisy), 1))
     if count == 1 or not found.size:
         return found
-    return np.concatenate([found, problem.start[:, np.newaxis]], axis=1)
+    return np.column_stack([found, problem.start, *noisy])
 
 
 def spread_starts(problem: Problem, count: int, seed: int) -> FloatArray:

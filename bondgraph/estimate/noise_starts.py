@@ -52,6 +52,25 @@ def noisy_starts(free: Sequence[FreeParameter]) -> list[FloatArray]:
     return found
 
 
+def noisiest_start(free: Sequence[FreeParameter]) -> FloatArray:
+    """The start (n,) with the most noise of process and sensors, inside the bounds: from there a likelihood is smooth.
+
+    With little noise the likelihood of what swings has an optimum at every period that fits in between: of a lift on a
+    rope declared 15 % too stiff, searches ended 1100 nats behind the best. A search that begins with much noise takes
+    it away as it comes near. Graduated optimisation: Blake and Zisserman (1987), Visual Reconstruction.
+
+    Examples
+    --------
+    >>> from bondgraph.estimate.free import FreeParameter
+    >>> level = FreeParameter("std(speed)", 1e-4, 10.0, 0.02, scale="log")
+    >>> round(float(level.value(noisiest_start([level])[0])), 3)
+    0.5
+    """
+    limits = np.array([[one.coordinate(bound) for bound in (one.lower, one.upper)] for one in free])
+    start: FloatArray = np.clip(noisy_starts(free)[-1], *limits.T)
+    return start
+
+
 def matched_levels(problem: EstimationProblem, point: FloatArray) -> FloatArray:
     """The point (n,) with its sensors as noisy as the filter is surprised by what they show, within their bounds.
 

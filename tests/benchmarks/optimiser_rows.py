@@ -61,22 +61,28 @@ class Function:
         return self.value(points)
 
 
+def _summed(terms: FloatArray) -> FloatArray:
+    """Sums over the first axis, one term after the other: numpy's own order depends on how many members there are."""
+    total: FloatArray = np.cumsum(terms, axis=0)[-1]
+    return total
+
+
 def _rastrigin(x: FloatArray) -> FloatArray:
-    return np.sum(x**2 - 10.0 * np.cos(2.0 * np.pi * x) + 10.0, axis=0)
+    return _summed(x**2 - 10.0 * np.cos(2.0 * np.pi * x) + 10.0)
 
 
 def _rosenbrock(x: FloatArray) -> FloatArray:
-    return np.sum(100.0 * (x[1:] - x[:-1] ** 2) ** 2 + (1.0 - x[:-1]) ** 2, axis=0)
+    return _summed(100.0 * (x[1:] - x[:-1] ** 2) ** 2 + (1.0 - x[:-1]) ** 2)
 
 
 def _ackley(x: FloatArray) -> FloatArray:
-    hollow = -20.0 * np.exp(-0.2 * np.sqrt(np.mean(x**2, axis=0)))
-    return hollow - np.exp(np.mean(np.cos(2.0 * np.pi * x), axis=0)) + 20.0 + np.e
+    hollow = -20.0 * np.exp(-0.2 * np.sqrt(_summed(x**2) / SIZE))
+    return hollow - np.exp(_summed(np.cos(2.0 * np.pi * x)) / SIZE) + 20.0 + np.e
 
 
 def _griewank(x: FloatArray) -> FloatArray:
     waves = np.cos(x / np.sqrt(np.arange(1, SIZE + 1))[:, np.newaxis])
-    return np.sum(x**2, axis=0) / 4000.0 - np.prod(waves, axis=0) + 1.0
+    return _summed(x**2) / 4000.0 - np.cumprod(waves, axis=0)[-1] + 1.0
 
 
 FUNCTIONS: Mapping[str, Function] = {

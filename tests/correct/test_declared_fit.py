@@ -14,6 +14,7 @@ from bondgraph.correct.loop import LoopSettings
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.local import no_report
 from bondgraph.simulate.simulation import simulate
+from tests.lift import TRUE, lift, lift_logs
 
 #: Heat capacity, loss, interval between samples in s, and noise of the thermometer, of the plate below.
 CAPACITY, LOSS, STEP, NOISE = 620.0, 2.0, 2.0, 0.05
@@ -62,36 +63,10 @@ def test_counting_every_heat_otherwise_changes_nothing(logs: list[MatchedLog]) -
     assert scaled.values["C"] == pytest.approx(2.3 * own.values["C"], rel=1e-3)
 
 
-def lift() -> bg.BondGraph:
-    """A sheave and a cabin on an elastic rope, which is declared 15 % too stiff."""
-    g = bg.BondGraph("lift")
-    torque = g.input("torque", "N m", "motor", hold=True)
-    sheave, rope = g.one_junction("sheave", bg.ROTATION), g.zero_junction("rope", bg.TRANSLATION)
-    cabin = g.one_junction("cabin", bg.TRANSLATION)
-    g.effort_source("motor", torque, at=sheave)
-    g.inertance("drum", g.parameter("J", 45.0, "kg m^2", "", (18.0, 120.0)), at=sheave, state="omega")
-    g.transformer("radius", 0.3, sheave, rope)
-    g.compliance("ropes", g.parameter("k", 4.6e5, "N/m", "", (1.8e5, 1.2e6)), at=rope, state="stretch")
-    g.bond(rope, cabin)
-    g.inertance("mass", g.parameter("m", 1000.0, "kg", "", (400.0, 2500.0)), at=cabin, state="v")
-    g.resistance("shoes", g.parameter("b", 50.0, "N s/m", "", (20.0, 200.0)), at=cabin)
-    g.measure_flow("sheave_speed", sheave)
-    g.measure_flow("cabin_speed", cabin)
-    return g
-
-
 @pytest.mark.parametrize("seed", [0, 4, 8])
 def test_what_swings_is_fitted_at_its_own_period(seed: int) -> None:
     """The fit ended a thousand nats behind, at 640 kN/m with an interval of one percent, where 400 kN/m is true."""
-    true = {"J": 60.0, "m": 1250.0, "k": 4e5, "b": 70.0}
-    model, train = build(lift()).model, []
-    for number in (seed, seed + 1):
-        chance, time = np.random.default_rng(number), 0.05 * np.arange(280)
-        torque = np.repeat(chance.uniform(-150.0, 150.0, 14), 20)[np.newaxis]
-        shown = simulate(model, time, torque, true, rtol=1e-9).y
-        noise = np.array([[0.02], [0.006]]) * chance.standard_normal(shown.shape)
-        train.append(MatchedLog(f"run{number}", time, torque, shown + noise))
-    found = fit_declared(lift(), train, [], LoopSettings(), no_report).fit
-    for name, value in true.items():
+    found = fit_declared(lift(), lift_logs(seed), [], LoopSettings(), no_report).fit
+    for name, value in TRUE.items():
         assert abs(found.values[name] - value) < 4.0 * found.std[name], name
-    assert found.std["k"] < 0.02 * true["k"]
+    assert found.std["k"] < 0.02 * TRUE["k"]

@@ -17,6 +17,7 @@ from bondgraph.estimate.handover import (
     whole_points,
     without_noise_levels,
 )
+from bondgraph.estimate.noise_starts import noisiest_start
 from bondgraph.estimate.objective import TraceRow
 from bondgraph.estimate.problem import EstimationProblem, pose
 from tests.estimate.linear import ExactLikelihood, lag, simulated
@@ -66,6 +67,18 @@ def test_the_declared_start_is_among_several() -> None:
     np.testing.assert_array_equal(starts, np.stack([points[:, 1], points[:, 2], whole.start], axis=1))
     np.testing.assert_array_equal(swarm_starts(whole, points, np.array([3.0, 1.0, 2.0]), 1), points[:, [1]])
     assert not swarm_starts(whole, points, np.full(3, np.inf), 3).size
+
+
+def test_of_four_searches_one_begins_with_much_noise() -> None:
+    whole = problem()
+    points = whole_points(whole, without_noise_levels(whole), np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
+    starts = swarm_starts(whole, points, np.array([3.0, 1.0, 2.0]), 4)
+    noisy = noisiest_start(whole.free)
+    np.testing.assert_array_equal(starts, np.stack([points[:, 1], points[:, 2], whole.start, noisy], axis=1))
+    assert (noisy[[1, 3]] > whole.start[[1, 3]]).all() and (noisy <= whole.upper).all()
+    np.testing.assert_array_equal(noisy[[0, 2]], whole.start[[0, 2]])
+    quiet = problem(["mass", "drag"])  # no level is free
+    assert swarm_starts(quiet, points[[0, 2]], np.array([3.0, 1.0, 2.0]), 4).shape[1] == 4
 
 
 def test_a_swarm_over_long_logs_searches_how_they_begin_and_the_end_sees_all(monkeypatch: pytest.MonkeyPatch) -> None:
