@@ -27,7 +27,7 @@ _BLOCK_SAMPLES = 5
 def cautions_of(nominal: Fit, rounds: Sequence[Round], corrected: Fit | None = None) -> tuple[str, ...]:
     """Sentences about parameters at bounds or unknown, short logs, and candidates that no sensor shows.
 
-    A parameter that left its bound beside the laws of the ``corrected`` model stood in for them, and is not told.
+    Of a ``corrected`` model its own bounds are told: a parameter that left one beside its laws stood in for them.
     """
     said = []
     if not nominal.outcome.succeeded:
@@ -49,7 +49,8 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round], corrected: Fit | None = N
             f"{samples} samples in {seconds:.3g} s are few: tests that hold under coloured noise need blocks of time, "
             f"and see little with fewer than {_BLOCK_SAMPLES * BLOCKS}"
         )
-    said += at_bounds(nominal, "declared", None if corrected is None else resting(corrected))
+    if corrected is None or corrected is nominal:  # else it is said of the corrected model
+        said += at_bounds(nominal, "declared")
     unknown = [
         parameter.name
         for parameter in nominal.problem.free
@@ -90,7 +91,8 @@ def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> 
     said = ", ".join(f"{name} ({value_text(fitted, name)})" for name in names)
     return [
         f"{said} {inflected(names, 'rests on its bound', 'rest on their bounds')} in the {which} model: the bounds are "
-        f"too narrow, or an effect is missing that {inflected(names, 'it stands', 'they stand')} in for"
+        f"too narrow, these logs hardly tell {inflected(names, 'it', 'them')}, or an effect is missing that "
+        f"{inflected(names, 'it stands', 'they stand')} in for"
     ]
 
 

@@ -152,7 +152,7 @@ def one_round(
     trials, chosen = _chosen(trials, left.laws, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
-    seen = detectable(vanishing, scored.scores, need, train)
+    seen = detectable(vanishing, scored.scores, need, train, scored.unseen)
     return Round(
         base,
         tuple(trials),

@@ -24,7 +24,7 @@ from bondgraph.report.formulas import formula_sentences, headline_name, twins
 from bondgraph.report.html import Located, Provenance, ReportData
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
-from bondgraph.report.noise import noise_sentence
+from bondgraph.report.noise import idle, noise_sentence
 from bondgraph.report.numbers import shown, with_ends
 from bondgraph.report.regimes import regime_sentences
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, channel_errors
@@ -248,8 +248,8 @@ def structure_lines(closed: ClosedLoop) -> list[str]:
     lines = [
         f"By the structure of the model, before any measurement: with {sensors} an unknown at these places shows in "
         f"the same way, so that only its law can tell them apart: {groups}." if groups
-        else f"By the structure of the model, {sensors} can tell an unknown at every place from one at every other; "
-        "what these logs tell apart stands beside each effect."
+        else f"By the structure of the model, {sensors} can tell an unknown at every place from one at every other"
+        f"{'; what these logs tell apart stands beside each effect' if closed.added else ''}."
     ]  # fmt: skip
     if told.invisible:
         lines.append(f"No sensor sees what is missing at {', '.join(told.invisible)}.")
@@ -278,7 +278,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
         *formula_sentences(closed),
         *(shape_sentence(one) for one in closed.unexplained),
     ]
-    notes.append(f"{noise_sentence(closed.corrected.problem.filter_model, _idle(closed.corrected))}.")
+    notes.append(f"{noise_sentence(closed.corrected.problem.filter_model, idle(closed.corrected))}.")
     own = _names(closed)
     notes += [sentence(one, own) for one in closed.cautions]
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
@@ -292,14 +292,6 @@ def _names(closed: ClosedLoop) -> set[str]:
     signals = (*model.names("state"), *model.names("input"), *model.names("output"))
     elsewhere = (*closed.nominal_built.graph.flatten().nodes, *(one.log.name for one in logs))
     return {*signals, *model.names("parameter"), *elsewhere}
-
-
-def _idle(fitted: Fit) -> list[str]:
-    """States whose process noise rests on its lower bound."""
-    problem = fitted.problem
-    low = fitted.held & (fitted.expansion.gradient > 0.0)
-    resting = [one.target for one, rests in zip(problem.free, low, strict=True) if rests]
-    return [target.name for target in resting if target.kind == "process"]
 
 
 def _event(event: Added, fitted: Fit) -> str:

@@ -164,8 +164,8 @@ def rough_note(estimate: Estimate) -> str:
     """What a likelihood that is not smooth means for an estimate."""
     return (
         f"The likelihood is not smooth here: values around the optimum place it {estimate.roughness:.2g} standard "
-        "deviations from where its derivatives do. Smooth the kinks of the model's laws, take Runge-Kutta steps, or "
-        "widen the intervals by that."
+        "deviations from where its derivatives do. Kinks of laws do that, and a parameter that the logs hardly tell: "
+        "smooth the kinks, fix the parameter, or widen the intervals by that."
     )
 
 

@@ -27,7 +27,7 @@ def headline_name(closed: ClosedLoop, added: Added) -> str:
         return f"{own} in a form of its own{f', {away} % from it' if away else ''}"
     if formula is None:
         return law_title(named(added, closed.corrected))
-    return f"a formula at {formula.place.label} ({formula.text(closed.corrected.values)})"
+    return f"an unnamed law at {formula.place.label} ({formula.text(closed.corrected.values)})"
 
 
 def _laws_of(law: Trial) -> list[str]:

@@ -96,7 +96,7 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
     assert told.size == pytest.approx(GUST, rel=0.3) and told.unit == "N"
     assert told.seconds == pytest.approx(LASTS, rel=0.5)
     said = explanation(found)
-    assert "something that nothing measures wanders at random" in said and "correlation time" in said
+    assert "something that nothing measures wanders, as if at random" in said and "correlation time" in said
     assert "slow drift" not in said and "No law was found" in said
     problem, point = found.corrected.problem, found.corrected.point.copy()
     row = problem.names.index(told.trial.candidate.effect.shapes[0])

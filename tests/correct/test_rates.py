@@ -147,7 +147,7 @@ def test_logs_get_the_slopes_of_their_inputs_and_say_so() -> None:
     log = MatchedLog("log", np.array([0.0, 1.0, 3.0]), np.array([[0.0, 2.0, 1.0]]), np.zeros((2, 3)))
     (made,) = rated([log], plain, wide)
     assert_allclose(made.u, [[0.0, 2.0, 1.0], [2.0, -0.5, -0.5]])
-    assert "how fast input 'speed' changes is taken from the slope between its samples" in made.notes[-1]
+    assert "the slope of input 'speed' is taken from its samples" in made.notes[-1]
 
 
 def test_what_needs_a_rate_that_the_model_does_not_have_is_refused_with_advice() -> None:

@@ -43,8 +43,8 @@ def _why(chosen: Trial | None, trial: Trial, *others: Trial) -> str:
 
 
 @pytest.mark.parametrize(("evidence", "words"), [
-    (Evidence(22.0, 1e-9, 0.4, 15.0, 10), "its block-robust p = 0.4 is above 0.01"),
-    (Evidence(22.0, 0.03, 1e-9, 15.0, 10), "its p = 0.03 by the likelihood ratio is above 0.01"),
+    (Evidence(22.0, 1e-9, 0.4, 15.0, 10), "its block-robust p = 0.4 is above 0.01 (p counts all 10 tried)"),
+    (Evidence(22.0, 0.03, 1e-9, 15.0, 9), "its p = 0.03 by the likelihood ratio is above 0.01 (p counts all 9 tried)"),
     (Evidence(22.0, 1e-9, 1e-9, -1.5, 10), "its parameters cost 1.5 nats more than it gains (BIC)"),
 ])  # fmt: skip
 def test_the_hurdle_that_fails_is_said_with_its_number(evidence: Evidence, words: str) -> None:

@@ -8,7 +8,7 @@ Bayesian information criterion. Held-out logs take no part.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy import stats
@@ -234,7 +234,11 @@ def _measured(logs: Sequence[MatchedLog]) -> int:
 
 
 def detectable(
-    vanishing: Sequence[Candidate], found: Scores, need: float, logs: Sequence[MatchedLog]
+    vanishing: Sequence[Candidate],
+    found: Scores,
+    need: float,
+    logs: Sequence[MatchedLog],
+    unseen: Collection[int] = (),
 ) -> tuple[Detectable, ...]:
     """The size at which each candidate would have been found nine times in ten.
 
@@ -254,10 +258,14 @@ def detectable(
     logs
         The training logs. With d of its noise at each of their measurements an effect gains half of d squared; over a
         horizon it moves predictions by more than that.
+    unseen
+        Positions of candidates that move nothing measured, whatever their size: nothing is said of them.
     """
     reach = max(math.sqrt(2.0 * need), FAINT * math.sqrt(_measured(logs))) + float(stats.norm.ppf(POWER))
     listed = []
-    for one, told in zip(vanishing, found.information, strict=True):
+    for k, (one, told) in enumerate(zip(vanishing, found.information, strict=True)):
+        if k in unseen:
+            continue
         name = one.effect.coefficients[0]
         info = one.model.parameters[one.model.index("parameter", name)]
         size = reach / math.sqrt(told) if told > 0.0 else math.inf

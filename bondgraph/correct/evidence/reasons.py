@@ -144,16 +144,17 @@ def hurdles(evidence: Evidence, level: float) -> str:
     Examples
     --------
     >>> hurdles(Evidence(9.0, 1e-5, 0.41, 3.0, 20), 0.01)
-    'its block-robust p = 0.41 is above 0.01'
+    'its block-robust p = 0.41 is above 0.01 (p counts all 20 tried)'
     >>> hurdles(Evidence(2.0, 0.7, 0.5, -4.5, 20), 0.01)
-    'its p = 0.7 by the likelihood ratio and its block-robust p = 0.5 are above 0.01, and its parameters cost 4.5 nats \
-more than it gains (BIC)'
+    'its p = 0.7 by the likelihood ratio and its block-robust p = 0.5 are above 0.01 (p counts all 20 tried), and its \
+parameters cost 4.5 nats more than it gains (BIC)'
     >>> hurdles(Evidence(9.0, 1e-5, 1e-5, 3.0, 20), 0.01)
     ''
     """
     high = [f"p = {evidence.p_value:.2g} by the likelihood ratio"] if not evidence.p_value < level else []
     high += [f"block-robust p = {evidence.p_robust:.2g}"] if not evidence.p_robust < level else []
-    said = f"its {' and its '.join(high)} {'is' if len(high) == 1 else 'are'} above {level:g}" if high else ""
+    above = f"{'is' if len(high) == 1 else 'are'} above {level:g} (p counts all {evidence.tried} tried)"
+    said = f"its {' and its '.join(high)} {above}" if high else ""
     if evidence.bic_gain > 0.0:
         return said
     price = f"its parameters cost {-evidence.bic_gain:.1f} nats more than it gains (BIC)"

@@ -88,7 +88,7 @@ def _rated(log: MatchedLog, before: Model, after: Model) -> MatchedLog:
         else:
             rows.append(slopes(log.time, log.u[own.index(info.rate_of)]))
             notes.append(
-                f"how fast input {info.rate_of!r} changes is taken from the slope between its samples: laws that store "
-                "energy beside it (an inductance, a capacity, an inertia) need that, and no column holds it"
+                f"the slope of input {info.rate_of!r} is taken from its samples, for laws that would store energy "
+                "beside it: nothing is to be done unless one of these is found"
             )
     return replace(log, u=np.array(rows).reshape(-1, log.time.size), notes=tuple(notes))

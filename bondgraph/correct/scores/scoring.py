@@ -211,8 +211,9 @@ class Scored:
     """Candidates with the variant of each that fits best, its responses and its scores.
 
     ``columns`` holds one (n_terms, coefficients) per candidate, ``states`` per log the shifts of the filtered states at
-    the gates (gates, n_x, candidates) by the first coefficient; ``tests`` is how many variants were tried in all.
-    ``failed`` says of candidates, by their position, why they have no response: they score nothing.
+    the gates (gates, n_x, candidates) by the first coefficient; ``tests`` is how many variants were tried in all that
+    move anything measured. ``failed`` says of candidates, by their position, why they have no response: they score
+    nothing. ``unseen`` are positions of those whose response is none: a leak at an ideal source of pressure.
     """
 
     candidates: tuple[Candidate, ...]
@@ -222,6 +223,7 @@ class Scored:
     scores: Scores
     tests: int
     failed: Mapping[int, str] = field(default_factory=dict)
+    unseen: frozenset[int] = frozenset()
 
     def __repr__(self) -> str:
         return f"<Scored: {len(self.candidates)} candidates, {self.tests} tests>"
@@ -253,7 +255,10 @@ def score_candidates(
     picked = _scores(linear, np.concatenate(own, axis=1), found, [sizes[j] for j in chosen])
     kept = tuple(part[..., edges[chosen]] for part in states)
     why = {k: failed[j] for k, j in enumerate(chosen) if j in failed}
-    return Scored(tuple(found), tuple(every[j][1] for j in chosen), own, kept, picked, len(every), why)
+    moved = [bool(columns[:, first:end].any()) for first, end in itertools.pairwise(edges)]
+    unseen = frozenset(k for k, part in enumerate(own) if k not in why and not part.any())
+    variants = tuple(every[j][1] for j in chosen)
+    return Scored(tuple(found), variants, own, kept, picked, sum(moved), why, unseen)
 
 
 def _responses(

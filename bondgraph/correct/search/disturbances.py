@@ -85,7 +85,7 @@ class Disturbance:
             what = f"something that nothing measures repeats every {number(self.period)} s"
             return f"{self.trial.candidate.place.label}: {what}, {size}, and keeps its rhythm for {kept}"
         sensor = bool(self.trial.candidate.effect.channel)
-        what = "its noise has a memory" if sensor else "something that nothing measures wanders at random"
+        what = "its noise has a memory" if sensor else "something that nothing measures wanders, as if at random"
         size = f"standard deviation {number(self.size)}{f' {self.unit}' if self.unit else ''}"
         time = f"correlation time {number(self.seconds)} s{self._doubt}"
         return f"{self.trial.candidate.place.label}: {what}, {size}, {time}"

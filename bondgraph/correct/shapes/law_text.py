@@ -65,13 +65,30 @@ def with_numbers(law: Expr, values: Mapping[str, float], ends: Intervals | None 
     '0.016*|x|^1.5*sign(x)'
     >>> with_numbers(c * (sympy.Abs(x) / Float(31.0)) ** d, {"c_law": 2.0, "d_law": 1.81})
     '2*(|x|/31)^1.81'
+    >>> with_numbers(c * (1 - sympy.tanh((d - x) / Float(0.04))) / 2, {"c_law": 3.0, "d_law": 1.6})
+    '3*(tanh((x - 1.6)/0.04) + 1)/2'
     """
     gone = law.xreplace({one: sympy.Integer(0) for one in law.free_symbols if values.get(one.name) == 0.0})
     law = law if gone.has(sympy.nan, sympy.zoo, sympy.oo) else gone
     negative = {one: -one for one in law.free_symbols if values.get(one.name, 0.0) < 0.0}
     sizes = {name: abs(value) for name, value in values.items()}
     turned = {name: _turned(name, value, ends) for name, value in values.items()}
-    return str(_Numbers(sizes, turned).doprint(sympy.factor_terms(law.xreplace(negative))))
+    return str(_Numbers(sizes, turned).doprint(sympy.factor_terms(_rising(law.xreplace(negative), sizes))))
+
+
+def _rising(law: Expr, sizes: Mapping[str, float]) -> Expr:
+    """The law with steps that rise with what moves in them: tanh is odd, and a person reads x - 1.6, not -x + 1.6."""
+    turned = {}
+    for step in law.atoms(sympy.tanh):
+        argument = sympy.expand(step.args[0])
+        moving = [
+            term
+            for term in sympy.Add.make_args(argument)
+            if not {one.name for one in term.free_symbols} <= sizes.keys()
+        ]
+        if moving and all(term.could_extract_minus_sign() for term in moving):
+            turned[step] = -sympy.tanh(sympy.factor_terms(-step.args[0]))
+    return law.xreplace(turned)
 
 
 def python_text(law: Expr, digits: int) -> str:
