@@ -212,11 +212,17 @@ def _add_filter(commands: Any) -> None:
         commands, "filter", "filter logs with a model: states with bands, innovations, consistency",
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered\n"
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --robust gate:0.9999\n"
+        "  bondgraph filter loop/corrected_graph.json --data later.csv --found loop\n"
         "  bondgraph filter MODEL --data day.parquet --states csv.gz --rounded",
     )  # fmt: skip
     _add_data(c)
     add_strict(c)
     add_robust(c)
+    c.add_argument(
+        "--found", metavar="FOLDER",
+        help="parameters and noise levels that bondgraph estimate or close-loop found, from the folder it wrote "
+        "(default: parameters as declared, noise levels guessed from the logs)",
+    )  # fmt: skip
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument(
         "--states", default="csv", choices=STATE_FORMS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -32,13 +32,17 @@ from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_ta
 from bondgraph.estimate.otherwise import with_inputs_compared
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.execute.executors import open_executor
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.noise import Noise
 from bondgraph.filter.robust import parse_robust
 from bondgraph.report.collect import versions
 from bondgraph.report.estimation import limits, rough_note, write_estimate
 from bondgraph.report.events import events_text, mark_events
 from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs
+from bondgraph.report.found import found_values, set_by, with_found_noise
 from bondgraph.report.held_out import held_out_logs, held_out_table
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import grouped_notes
@@ -104,13 +108,29 @@ def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     table = StatesTable(options.states, options.rounded)
     table.check()
-    model, driven, logs = model_and_logs(options)
-    noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
+    values = found_values(Path(options.found)) if options.found else {}
+    model, driven, logs = model_and_logs(_with_found(options, values))
+    noise: Noise | FilterModel | None = None
+    if values:
+        noise = with_found_noise(filter_setup(model, driven, logs).filter_model, values)
+    elif not is_model_file(options.model):
+        noise = declared_noise(options.model, model.name)
     made, folder = provenance(options, math.nan), answer_folder(options)
     robust = parse_robust(options.robust) if options.robust else None
     found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made, robust, table)
     say(found.text, whole=str(folder / "report.html"))
     return 1 if options.strict and found.misfits else 0
+
+
+def _with_found(options: argparse.Namespace, values: Mapping[str, float]) -> argparse.Namespace:
+    """The options with parameters set to what was found; what ``--set`` says comes after and holds."""
+    if not values:
+        return options
+    if is_model_file(options.model):
+        names = Model.from_file(options.model).names("parameter")
+    else:
+        names = tuple(one.name for one in load_graph(options.model).flatten().parameters)
+    return argparse.Namespace(**{**vars(options), "set": [*set_by(values, names), *options.set]})
 
 
 def estimate(options: argparse.Namespace) -> int:

@@ -55,14 +55,15 @@ def filter_logs(
     folder: Path,
     smoothed: bool = False,
     initial: Initial = "measured",
-    noise: Noise | None = None,
+    noise: Noise | FilterModel | None = None,
     made: Provenance | None = None,
     robust: Robust | None = None,
     table: StatesTable = EXACT_CSV,
 ) -> Filtered:
     """Filter logs with a model at its declared parameters and write states, innovations and consistency.
 
-    Noises are the declared ones, or else taken from the logs as for an estimation; ``robust`` is the loss of outliers.
+    Noises are the declared ones, those of a filter model, or else taken from the logs as for an estimation; ``robust``
+    is the loss of outliers.
     Writes ``NAME_states.csv``, or another ``table``, and ``NAME_states.png`` per log, one ``result.json`` and one
     ``report.html``.
     """
@@ -112,9 +113,15 @@ def filter_logs(
 
 
 def _filter_model(
-    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], noise: Noise | None, robust: Robust | None
+    model: Model,
+    driven: Sequence[str],
+    logs: Sequence[MatchedLog],
+    noise: Noise | FilterModel | None,
+    robust: Robust | None,
 ) -> FilterModel:
     """The filter with the declared noises, or with those that the logs show."""
+    if isinstance(noise, FilterModel):
+        return replace(noise, robust=robust)
     declared = noise.filter_model(model) if noise else filter_setup(model, driven, logs).filter_model
     return replace(declared, robust=robust)
 
