@@ -295,7 +295,7 @@ def _rounds(
                 why = f"{state.built.graph.name}: no candidate could be tried: {reason_of(error)}"
                 raise EstimationError(f"{why} - check units, initial states and declared values") from error
             return state, rounds, f"round {number} could not be finished: {reason_of(error)}"
-    return state, rounds, f"the limit of {most} effects was reached"
+    return state, rounds, f"the limit of {count(most, 'effect')} was reached (--max-effects {most + 1} looks for more)"
 
 
 def _with_inputs(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:

@@ -24,8 +24,9 @@ class Settings:
     ----------
     method
         A name of :mod:`bondgraph.estimate.methods`. ``"both"``: a short swarm over all but the levels of noise, whose
-        best distinct particles and the declared start begin gradient searches; where these do not meet at one optimum
-        and evaluations are cheap, L-SHADE looks for a deeper one (:mod:`bondgraph.estimate.deepening`);
+        best distinct particles and the declared start begin gradient searches, of four or more one with much noise
+        (:func:`bondgraph.estimate.noise_starts.noisiest_start`); where these do not meet at one optimum and
+        evaluations are cheap, L-SHADE looks for a deeper one (:mod:`bondgraph.estimate.deepening`);
         ``"pso+gradient"``: the same without L-SHADE; ``"gradient"``: gradient searches from the declared start and from
         points spread over the bounds; ``"pso"``, ``"shade"``, ``"de"``, ``"cma"``: a swarm, L-SHADE, differential
         evolution or CMA-ES alone, over everything; with ``"+gradient"`` searches follow as after the swarm. Gradient

@@ -114,7 +114,7 @@ def test_an_effect_that_is_withdrawn_at_the_end_makes_room_for_another(monkeypat
     closed = close_loop(sled(), train, [], functions, LoopSettings(max_effects=1, faults=False))
     assert rested == [1, 1] and len(closed.added) == 1
     assert [one.action for one in closed.history] == ["added", "withdrawn", "added", "stopped"]
-    assert closed.reason.startswith("the limit of 1 effects was reached")
+    assert closed.reason.startswith("the limit of 1 effect was reached (--max-effects 2 looks for more)")
 
 
 @pytest.mark.slow

@@ -262,3 +262,45 @@ def test_a_slow_storage_is_one_behind_a_resistance(domain: Domain, name: str) ->
     g = vessel()
     effect = slow_heat_capacity(g, Place(handle(g, "node"), Scale(1.0, 1.0)))
     assert isinstance(effect, Effect) and effect.name == name
+
+
+def _coil(with_currents: bool) -> bg.BondGraph:
+    """A coil behind a filter; with eddy currents as an inductance and a resistance side by side, by hand."""
+    g = bg.BondGraph("coil")
+    supply, node = g.one_junction("supply", bg.ELECTRICAL), g.zero_junction("node", bg.ELECTRICAL)
+    coil = g.one_junction("coil", bg.ELECTRICAL)
+    g.effort_source("amplifier", g.input("u", "V", hold=True), at=supply)
+    g.resistance("filter_resistor", g.parameter("R_f", 2.3, "ohm", "", (0.9, 6.0)), at=supply)
+    g.bond(supply, node)
+    g.compliance("filter_capacitor", displacement=g.parameter("C_f", 2.4e-5, "F", "", (1e-5, 6e-5)), at=node)
+    g.bond(node, coil)
+    g.resistance("winding", g.parameter("R_c", 0.42, "ohm", "", (0.16, 1.0)), at=coil)
+    g.inertance("inductance", g.parameter("L_c", 7.2e-4, "H", "", (3e-4, 1.8e-3)), at=coil, state="i")
+    if with_currents:
+        iron, yoke = g.zero_junction("iron", bg.ELECTRICAL), g.one_junction("yoke", bg.ELECTRICAL)
+        loss = g.parameter("R_e", 0.03, "ohm")
+        g.bond(coil, iron)
+        g.resistance("loss", flow=lambda effort: effort / loss, at=iron)
+        g.bond(iron, yoke)
+        g.inertance("field", g.parameter("L_e", 4.5e-5, "H"), at=yoke, state="i_e")
+    g.measure_flow("current", coil)
+    g.measure_effort("voltage", node)
+    return g
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("with_currents", [True, False])
+def test_eddy_currents_of_a_coil_are_found_and_no_disturbance(with_currents: bool) -> None:
+    model, logs = build(_coil(with_currents)).model, []
+    for seed in (1, 2, 9):
+        chance, time = np.random.default_rng(seed), 5e-5 * np.arange(600)
+        u = np.repeat(chance.uniform(-20.0, 20.0, 12), 50)[np.newaxis]
+        y = simulate(model, time, u, {"R_f": 2.0, "C_f": 2e-5, "R_c": 0.35, "L_c": 7.6e-4}, rtol=1e-9).y
+        logs.append(bg.MatchedLog(f"run{seed}", time, u, y + np.array([[0.06], [0.12]]) * chance.normal(size=y.shape)))
+    loop = bg.close_loop(_coil(False), logs[:2], logs[2:])
+    if not with_currents:
+        assert (loop.verdict, loop.added) == ("no missing effect", ())
+        return
+    assert [one.trial.candidate.label for one in loop.added] == ["eddy_currents at coil"]
+    assert loop.corrected.values["c_eddy_currents_coil"] == pytest.approx(0.03, rel=0.1)
+    assert loop.corrected.values["T_eddy_currents_coil"] == pytest.approx(1.5e-3, rel=0.15)

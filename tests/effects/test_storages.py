@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 import bondgraph as bg
 from bondgraph.data.log import FloatArray
@@ -142,3 +143,40 @@ def test_a_stop_is_a_ramp_to_a_power(exponent: float) -> None:
         expected = 100.0 * x + 400.0 * depth * (into / depth) ** exponent
         own = float(law.subs({**numbers, symbol("displacement"): x}))
         assert own == pytest.approx(expected, rel=1e-5)
+
+
+def _pumped(seed: int, air: float) -> bg.MatchedLog:
+    """Oil that leaks through a bleed, with so much air in it by Boyle's law, m^3 at 1 bar; by scipy."""
+    chance, time = np.random.default_rng(seed), 0.005 * np.arange(400)
+    flow = np.repeat(chance.choice([0.0, 1e-5, 3e-5, 6e-5], 20), 20)
+
+    def rises(t: float, p: FloatArray) -> list[float]:
+        softness = 1.1e-11 + air * 1e5 / (1e5 + max(p[0], 0.0)) ** 2
+        return [(flow[min(int(t / 0.005 + 1e-9), 399)] - 2.4e-11 * p[0]) / softness]
+
+    shown = [0.0]
+    for k in range(399):  # each interval by itself: the flow jumps between them
+        ends = solve_ivp(rises, (time[k], time[k + 1] - 1e-9), [shown[-1]], rtol=1e-8, atol=1.0)
+        shown.append(float(ends.y[0, -1]))
+    pressure = np.array(shown) + 2e4 * chance.standard_normal(400)
+    return bg.MatchedLog(f"run{seed}", time, flow[np.newaxis], pressure[np.newaxis])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("air", [1e-5, 0.0])
+def test_air_in_oil_is_found_beside_a_capacity_and_not_where_there_is_none(air: float) -> None:
+    """A press whose line held air was told a loss of its pump's flow, times a ramp of its own travel."""
+    g = bg.BondGraph("line")
+    line = g.zero_junction("line", bg.HYDRAULIC)
+    g.flow_source("pump", g.input("pump", "m^3/s", hold=True), at=line)
+    g.compliance("oil", displacement=g.parameter("C", 0.9e-11, "m^3/Pa", "", (0.4e-11, 2.5e-11)), at=line)
+    bleed = g.parameter("G", 2e-11, "m^3/(s Pa)", "", (0.8e-11, 5e-11))
+    g.resistance("bleed", flow=lambda effort: bleed * effort, at=line)
+    g.measure_effort("pressure", line)
+    closed = bg.close_loop(g, [_pumped(1, air), _pumped(2, air)], [_pumped(9, air)])
+    if not air:
+        assert (closed.verdict, closed.added) == ("no missing effect", ())
+        return
+    (found,) = closed.added
+    assert closed.verdict == "effect found" and found.trial.candidate.label == "entrained_air at line"
+    assert closed.corrected.values["c_entrained_air_line"] == pytest.approx(air, rel=0.15)
