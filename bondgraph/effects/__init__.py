@@ -113,6 +113,7 @@ from bondgraph.effects.relaxation import viscoelastic_drag as viscoelastic_drag
 from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence
 from bondgraph.effects.fading import thermal_activation as thermal_activation
+from bondgraph.effects.fading import source_temperature_dependence as source_temperature_dependence
 from bondgraph.effects.fading import clogging as clogging
 from bondgraph.effects.exponents import resistance_exponent as resistance_exponent
 from bondgraph.effects.streams import resistance_by_input as resistance_by_input

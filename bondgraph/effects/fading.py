@@ -21,11 +21,14 @@ from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
 from bondgraph.effects.families import each_resistance
-from bondgraph.effects.places import elements_at, has_flow
+from bondgraph.effects.places import commanded, elements_at, has_flow
 from bondgraph.effects.thermal import ROOM, Around, surroundings
 
 #: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
 _STEEPEST = 0.05
+#: Relative change per kelvin of a source's reciprocal: up to five times that of copper, and down so far that it stays
+#: positive over 800 K. A convention.
+_FALLS = (-1.2e-3, 0.02)
 #: Largest activation energy over the gas constant that is tried [K], of 100 kJ/mol: a convention.
 _MOST_ACTIVE = 12000.0
 #: Clogged resistances are scaled by so many times the clean one at the end of the longest log: a convention.
@@ -85,6 +88,29 @@ def _arrhenius(g: BondGraph, at: Place, which: int) -> Effect | None:
         effect, node.name, "effort = declared*exp(b*(1/T - 1/T0))", (b.name,),
         reference="Atkins, de Paula (2010), Physical Chemistry, for the law of Arrhenius",
         manoeuvre="the same run cold and warm",
+    )  # fmt: skip
+
+
+def source_temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
+    """A commanded source that falls as the nearest body warms: a heater at a voltage, a lamp, magnets of an actuator.
+
+    What is declared holds in a room where temperatures are known to be absolute, else at what is around the body.
+    """
+    sources = [node for node, _ in commanded(g, at, ("Se", "Sf")) if "." not in node.name]
+    body = _nearest_body(g, at) if len(sources) == 1 else None
+    if body is None:
+        return None
+    node, around = sources[0], surroundings(g, Place(body, Scale(0.0, 0.0)))
+    given = "effort" if node.kind == "Se" else "flow"
+    name = f"source_temperature_dependence_{at.name}"
+    a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative fall of {node.name} per kelvin", _FALLS)
+    room = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared") if _is_absolute(around) else Integer(0)
+    zero = around.temperature if around is not None and not _is_absolute(around) else room
+    revise_laws(g, node.name, lambda laws: {given: laws[given] / (1 + a * (body.effort - zero))})
+    return Effect(
+        "source_temperature_dependence", node.name, f"{given} = declared/(1 + a*(T - T0))", (a.name,),
+        reference="Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A",
+        manoeuvre="the same command cold and hot",
     )  # fmt: skip
 
 

@@ -1,0 +1,88 @@
+"""What changes as a machine runs: a source that falls as a body warms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import bondgraph as bg
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.effect import Place, Scale
+from bondgraph.effects.fading import source_temperature_dependence
+
+ROOM = 295.0
+
+
+def iron() -> bg.BondGraph:
+    """A heater at a voltage, its resistance measured cold, and a tip."""
+    g = bg.BondGraph("iron")
+    heater, stem = g.zero_junction("heater", bg.THERMAL), g.one_junction("stem", bg.THERMAL)
+    tip, air = g.zero_junction("tip", bg.THERMAL), g.one_junction("air", bg.THERMAL)
+    resistance = g.parameter("R", 9.0, "ohm", "heater, cold", tolerance=0.02)
+    C_h, C_t = g.parameter("C_h", 8.0, "J/K", "", (2.0, 25.0)), g.parameter("C_t", 13.0, "J/K", "", (4.0, 40.0))
+    G, G_a = g.parameter("G", 0.36, "W/K", "", (0.1, 1.0)), g.parameter("G_a", 0.09, "W/K", "", (0.02, 0.3))
+    room = g.parameter("T_room", ROOM, "K", tolerance=0.0)
+    g.flow_source("power", g.input("voltage", "V", hold=True) ** 2 / resistance, at=heater)
+    g.compliance("heater_heat", displacement=C_h, at=heater, initial=C_h * room)
+    g.bond(heater, stem)
+    g.resistance("contact", flow=lambda rise: G * rise, at=stem)
+    g.bond(stem, tip)
+    g.compliance("tip_heat", displacement=C_t, at=tip, initial=C_t * room)
+    g.bond(tip, air)
+    g.resistance("cooling", flow=lambda rise: G_a * rise, at=air)
+    g.effort_source("room", -room, at=air)
+    g.measure_effort("heater_temperature", heater)
+    g.measure_effort("tip_temperature", tip)
+    return g
+
+
+def heated(voltage: FloatArray, a: float) -> FloatArray:
+    """Temperatures of heater and tip every 2 s; the resistance rises by a share per kelvin from 293.15 K; by scipy."""
+    shown = np.full((2, voltage.size), ROOM)
+    for k, volts in enumerate(voltage[:-1]):
+
+        def rates(t: float, y: FloatArray, volts: float = float(volts)) -> list[float]:
+            power, across = volts**2 / (9.0 * (1.0 + a * (y[0] - 293.15))), 0.33 * (y[0] - y[1])
+            return [(power - across) / 8.6, (across - 0.098 * (y[1] - ROOM)) / 11.5]
+
+        shown[:, k + 1] = solve_ivp(rates, (0.0, 2.0), shown[:, k], rtol=1e-9, atol=1e-6).y[:, -1]
+    return shown
+
+
+def test_a_heater_whose_resistance_rises_takes_less_power() -> None:
+    voltage = np.repeat([10.0, 24.0, 0.0, 18.0], 40)
+    g = iron()
+    effect = source_temperature_dependence(g, Place(handle(g, "heater"), Scale(600.0, 60.0)))
+    assert effect is not None
+    values = {effect.coefficients[0]: 1e-3, "C_h": 8.6, "C_t": 11.5, "G": 0.33, "G_a": 0.098}
+    run = bg.simulate(bg.build(with_values(g, values)), 2.0 * np.arange(voltage.size), {"voltage": voltage}, rtol=1e-9)
+    np.testing.assert_allclose(run.y, heated(voltage, 1e-3), atol=1e-3)
+    assert np.ptp(run.y[0]) > 100.0
+
+
+def test_a_machine_without_a_body_has_no_such_source() -> None:
+    g = bg.BondGraph("cart")
+    body = g.one_junction("body", bg.TRANSLATION)
+    g.effort_source("motor", g.input("force", "N"), at=body)
+    g.inertance("mass", 2.0, at=body)
+    assert source_temperature_dependence(g, Place(handle(g, "body"), Scale(10.0, 1.0))) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("a", [8e-4, 0.0])
+def test_it_is_found_and_no_ceiling_of_the_thermometer(a: float) -> None:
+    """Of a soldering iron the answer was a ceiling of its only sensor, with a parameter on its bound."""
+    logs = []
+    for seed in (1, 2, 9):
+        chance = np.random.default_rng(seed)
+        voltage = np.repeat(chance.choice([8.0, 12.0, 18.0, 24.0], 10), 30)
+        shown = heated(voltage, a) + 0.6 * chance.standard_normal((2, voltage.size))
+        logs.append(bg.MatchedLog(f"run{seed}", 2.0 * np.arange(voltage.size), voltage[np.newaxis], shown))
+    loop = bg.close_loop(iron(), logs[:2], logs[2:])
+    if not a:
+        assert (loop.verdict, loop.added) == ("no missing effect", ())
+        return
+    assert [one.trial.candidate.label for one in loop.added] == ["source_temperature_dependence at heater"]
+    assert loop.corrected.values["a_source_temperature_dependence_heater"] == pytest.approx(a, rel=0.1)
