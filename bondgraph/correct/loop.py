@@ -319,7 +319,6 @@ def _result(
     state = _eventless(start, rest.state)
     current, last = state.fit, state.check
     assert last is not None  # every fit of the way is certified
-    train = nominal.problem.logs
     residual = whiteness(current, state.train)
     corrected_built, undeclared = corrected(begun.fit, state)
     report("assess", 0, 1)
@@ -329,7 +328,7 @@ def _result(
     added = tuple(one for one in every if one.trial.candidate.effect.kind != DISTURBANCE)
     random = tuple(described(one.trial, current) for one in every if one not in added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
-    before = assess(nominal, train), assess(nominal, holdout)
+    before = assess(nominal, nominal.problem.logs), assess(nominal, holdout)
     found = bool(state.laws or state.constants)
     best, better = simulated_at_best(nominal, before, settings.journal) if found else (before, [])
     cautions = (
