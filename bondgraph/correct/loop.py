@@ -42,7 +42,7 @@ from bondgraph.correct.off_constants import with_off_constants, without_needless
 from bondgraph.correct.places.structure import Structure, everywhere, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, OffConstant, Progress, advance, reduced_to, without_events
-from bondgraph.correct.quiet_before import simulated_at_best
+from bondgraph.correct.quiet_before import simulated_better
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
@@ -329,23 +329,21 @@ def _result(
     random = tuple(described(one.trial, current) for one in every if one not in added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     before = assess(nominal, nominal.problem.logs), assess(nominal, holdout)
-    found = bool(state.laws or state.constants)
-    best, better = simulated_at_best(nominal, before, settings.journal) if found else (before, [])
+    after = assess(current, state.train), assess(current, holdout)
     cautions = (
         *begun.cautions, *cautions_of(nominal, rounds, current), *_doubts(begun, state, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()),
         *unsearched(rounds, settings.refits, is_white(current, settings.level)),
         *start_cautions(undeclared), *after_delays(state.added, current),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
-        *better,
+        *(simulated_better(nominal, before, after, settings.journal) if state.laws or state.constants else ()),
     )  # fmt: skip
-    after = assess(current, state.train), assess(current, holdout)
     disturbed = _disturbed(state, holdout, settings) if added and random else None
     logs = confirmation(nominal, current, before, after, disturbed) if every or state.constants else None
     doubted = unproven(rounds, settings.level)
     result = ClosedLoop(
         *verdict(added, random, rest.unexplained, residual, settings.level, reason, logs, doubted), nominal, current,
-        *best, *after, begun.built, corrected_built, added, tuple(rounds), told, first, last,
+        *before, *after, begun.built, corrected_built, added, tuple(rounds), told, first, last,
         residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit, random,
         begun.running("hold"), state.constants, begun.running("band limited"),
     )  # fmt: skip

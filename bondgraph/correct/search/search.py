@@ -183,7 +183,8 @@ def _refit(search: Search, due: Sequence[int]) -> None:
         entry, trial = search.entries[j], found[j]
         predicted, blind, entry.pending = entry.predicted, entry.is_blind, []
         search.spent += 1
-        before = entry.trial
+        before = entry.trial = replace(entry.trial, instead=None)  # a refit has tried what was said of it there
+        trial = replace(trial, instead=None)
         if trial.evidence is None or (before.evidence is not None and before.gain >= trial.gain):
             entry.trial = trial if before.evidence is None else before
             continue
