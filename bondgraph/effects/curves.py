@@ -113,11 +113,18 @@ def _size(one: Symbol, place: Place, graph: BondGraph) -> float:
     """How large a variable is at a place."""
     read = signal_name(one)
     variable = one.name if read is None else read.variable
+    if variable == "effort" and read is not None and place.domain != THERMAL and _is_warm(read.node, graph):
+        return _TEMPERATURES[1]
     if variable == "effort":
         return ROOM if place.domain == THERMAL else place.scale.effort
     if variable == "displacement":
         return _stretch(place, graph)
     return place.scale.flow if variable == "flow" else place.scale.effort if place.output or read is None else 1.0
+
+
+def _is_warm(node: str, graph: BondGraph) -> bool:
+    """True for a body beside a machine: its temperature is shown warm, so that a law of it is another one than cold."""
+    return node in graph.nodes and graph.nodes[node].domain == THERMAL
 
 
 def _ends(over: Symbol, place: Place, graph: BondGraph) -> tuple[float, float]:

@@ -10,6 +10,8 @@ import bondgraph as bg
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Place, Scale
+from bondgraph.effects.catalogue import named
+from bondgraph.effects.curves import curve_of
 from bondgraph.effects.fading import source_temperature_dependence
 
 ROOM = 295.0
@@ -86,3 +88,14 @@ def test_it_is_found_and_no_ceiling_of_the_thermometer(a: float) -> None:
         return
     assert [one.trial.candidate.label for one in loop.added] == ["source_temperature_dependence at heater"]
     assert loop.corrected.values["a_source_temperature_dependence_heater"] == pytest.approx(a, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "weaker"), [("source_temperature_dependence", True), ("temperature_dependence", False)]
+)
+def test_its_picture_shows_a_warm_body(name: str, weaker: bool) -> None:
+    """The body was drawn at 20 K, where a source turned round."""
+    curve = curve_of(named(name)[0])
+    assert curve is not None and curve.declared is not None
+    shares = curve.law[curve.declared != 0.0] / curve.declared[curve.declared != 0.0]
+    assert ((0.2 < shares) & (shares < 1.0)).all() if weaker else ((1.0 < shares) & (shares < 5.0)).all()
