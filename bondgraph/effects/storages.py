@@ -211,14 +211,14 @@ def softening_spring(g: BondGraph, at: Place) -> Effect | None:
 
 def end_stop(g: BondGraph, at: Place) -> Effect | None:
     """Stops on both sides: beyond a displacement a second spring acts, straight or stiffening as it is pressed."""
-    return _stop(g, at, "end_stop", lambda q, gap: q - clip(q, -gap, gap), "q - clip(q, -g, g)", both=True)
+    return _stop(g, at, "end_stop", lambda q, gap: q - clip(q, -gap, gap), "-g and g", both=True)
 
 
 def one_sided_stop(g: BondGraph, at: Place) -> Effect | None:
     """A stop on one side, straight or stiffening: free below where its position is positive, above where negative."""
     return _stop(
         g, at, "one_sided_stop", lambda q, gap: sign(gap) * maximum(sign(gap) * (q - gap), 0),
-        "sign(g)*max(sign(g)*(q - g), 0)", both=False,
+        "g", both=False,
     )  # fmt: skip
 
 
@@ -277,7 +277,7 @@ def _stop(
 
     _bend(g, spring, stopped)
     return Effect(
-        effect, spring.name, f"effort = declared + c*x*|x/r|^(n - 1), x = {law}, q = displacement", (c.name,),
+        effect, spring.name, f"effort = declared + c*x*|x/r|^(n - 1), x the displacement beyond {law}", (c.name,),
         shapes=(gap.name,), widths=(n.name,), reference=_STOP,
         manoeuvre="swings into the stop and swings that do not reach it",
     )  # fmt: skip
