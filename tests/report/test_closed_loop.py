@@ -101,7 +101,7 @@ def test_noise_with_a_memory_is_noise_of_its_sensor() -> None:
 
 
 def test_outputs_that_add_elements_of_one_junction_are_told_with_the_structure() -> None:
-    loop = SimpleNamespace(structure=Structure((), (), ("force",), ("force is declared as a sum",)))
+    loop = SimpleNamespace(structure=Structure((), (), ("force",), ("force is declared as a sum",)), added=())
     assert structure_lines(cast(ClosedLoop, loop))[-1] == "force is declared as a sum."
 
 
@@ -110,8 +110,10 @@ def test_one_sensor_is_no_several() -> None:
         (("force",), "the sensor force can tell"),
         (("force", "v"), "the sensors force, v can tell"),
     ):
-        loop = SimpleNamespace(structure=Structure((), (), sensors, ()))
-        assert words in structure_lines(cast(ClosedLoop, loop))[0]
+        for laws in ((), ("law",)):
+            loop = SimpleNamespace(structure=Structure((), (), sensors, ()), added=laws)
+            (said,) = structure_lines(cast(ClosedLoop, loop))
+            assert words in said and ("stands beside each effect" in said) == bool(laws)
 
 
 def test_a_declared_parameter_on_its_bound_is_told_beside_what_was_found() -> None:
