@@ -63,7 +63,8 @@ def noisiest_start(free: Sequence[FreeParameter]) -> FloatArray:
     --------
     >>> from bondgraph.estimate.free import FreeParameter
     >>> level = FreeParameter("std(speed)", 1e-4, 10.0, 0.02, scale="log")
-    >>> round(float(level.value(noisiest_start([level])[0])), 3)
+    >>> start = noisiest_start([level])
+    >>> round(float(level.values(start)[0]), 3)
     0.5
     """
     limits = np.array([[one.coordinate(bound) for bound in (one.lower, one.upper)] for one in free])
