@@ -7,7 +7,7 @@ import numpy as np
 import bondgraph as bg
 from bondgraph.simulate.simulation import simulate
 
-#: What its logs are made with.
+#: Parameters of the true lift.
 TRUE = {"J": 60.0, "m": 1250.0, "k": 4e5, "b": 70.0}
 
 

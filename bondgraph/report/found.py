@@ -29,6 +29,8 @@ def found_values(folder: Path) -> dict[str, float]:
         result: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         known = result.get("corrected", result)
         values = {name: float(one["value"]) for name, one in known["parameters"].items()}
+        if not values:
+            raise KeyError("parameters")
     except FileNotFoundError:
         raise DataError(
             f"{path}: there is no such file - name the folder that bondgraph estimate or close-loop wrote",

@@ -61,7 +61,7 @@ def test_a_filter_has_the_parameters_and_the_noise_of_an_estimate(folder: Path) 
     assert heavier > told + 20.0  # what is set by hand holds
 
 
-@pytest.mark.parametrize("content", ["", "{}", '{"parameters": 3}', '{"run1": {"nll": 1}}'])
+@pytest.mark.parametrize("content", ["", "{}", '{"parameters": {}}', '{"parameters": 3}', '{"run1": {"nll": 1}}'])
 def test_a_folder_without_a_result_is_refused(folder: Path, content: str, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "odd").mkdir()
     if content:

@@ -1,4 +1,4 @@
-"""What changes as a machine runs: a source that falls as a body warms."""
+"""Sources that fall as a body warms."""
 
 from __future__ import annotations
 

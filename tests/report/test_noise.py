@@ -1,4 +1,4 @@
-"""What a report says of process noise: which states it drives, and where it is too little to matter."""
+"""Process noise in reports: the states that it drives, and those where it is too little to matter."""
 
 from __future__ import annotations
 
