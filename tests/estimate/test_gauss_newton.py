@@ -185,3 +185,12 @@ def test_a_start_that_gains_next_to_nothing_stalls() -> None:
     assert demanding.iteration == 3 and demanding.values[0] < valley.nll(starts)[0]
     with pytest.raises(EstimationError, match="patience = -1"):
         GaussNewtonSettings(patience=-1)
+
+
+def test_a_search_from_beside_a_wall_has_converged_there() -> None:
+    """The draws of a swarm ended 1e-12 from a bound: what the full step promised, no step gained, "not smooth here"."""
+    objective = Regression(
+        lambda points: np.stack([points[0] - 1.0, 0.1 * (points[1] + 5.0), 1e4 + 0.0 * points[0]]), [-10, 0], [10, 10]
+    )
+    state = gauss_newton(objective, np.array([[1.0], [1e-12]]))
+    assert state.outcomes == (SearchOutcome.CONVERGED,)

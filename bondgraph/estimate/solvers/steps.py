@@ -9,6 +9,10 @@ import numpy as np
 from bondgraph.estimate.objective import BoolArray, Expansion, FloatArray, Objective, Terms, over_terms
 from bondgraph.estimate.symmetric import informed, scaled_eigen
 
+#: What is nearer to a wall than this share of the box's width is at it: the draws of a swarm end beside walls, not at
+#: them. A gradient of a thousand nats over the whole width gains a millionth of one nat on that way.
+_AT_WALL = 1e-9
+
 
 def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansion) -> float:
     """Nats by which the likelihood would improve if it were quadratic and the box had no further walls."""
@@ -99,8 +103,9 @@ def _solve(matrix: FloatArray, right: FloatArray, scale: FloatArray) -> FloatArr
 
 def _held(objective: Objective, point: FloatArray, gradient: FloatArray) -> BoolArray:
     """Coordinates at a wall through which the likelihood would still rise, and those that are fixed."""
-    at_lower = (point <= objective.lower) & (gradient > 0.0)
-    at_upper = (point >= objective.upper) & (gradient < 0.0)
+    near = _AT_WALL * (objective.upper - objective.lower)
+    at_lower = (point <= objective.lower + near) & (gradient > 0.0)
+    at_upper = (point >= objective.upper - near) & (gradient < 0.0)
     return at_lower | at_upper | (objective.upper <= objective.lower)
 
 
