@@ -11,6 +11,7 @@ import numpy as np
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import BoolArray, FloatArray
+from bondgraph.estimate.shown_by_curves import OnCurve, shown_by_curves
 from bondgraph.filter.follows import Follow, with_followers
 from bondgraph.simulate.late import first_inputs, inputs_of
 from bondgraph.simulate.model import Model
@@ -78,7 +79,7 @@ def initial_states(
     Parameters
     ----------
     model
-        The model; an output that is a straight line in one state and in nothing else measures that state.
+        The model; an output that depends on one state and on nothing else unknown measures that state.
     logs
         Matched logs; a parameter known for a log counts.
     theta
@@ -154,16 +155,37 @@ def _from_measurements(
     """Initial state (n_x,), and which of its parts were measured; a start that is declared comes before others."""
     x0 = model.x0(theta)
     held = np.zeros(x0.size, dtype=np.bool_)
-    while True:  # what one output shows may tell a state that another shows beside it
-        found = directly_measured(model, first_inputs(model, log), theta, follows, (x0, held))
-        shown = {o: (*of, value) for o, of in found.items() if (value := first_measured(log, o)) is not None}
-        for state, slope, offset, value in shown.values():
-            x0[state] = (value - offset) / slope
-            held[state] = True
-        if not shown:
-            break
+    while shown := first_shown(model, log, theta, follows, (x0, held)):
+        for one in shown.values():  # it may tell a state that another output shows beside it
+            x0[one.state] = one.value
+            held[one.state] = True
     x0, given = starts_in(model, log.time, inputs_of(model, log), log.y, x0)
     return x0, held | given
+
+
+def first_shown(
+    model: Model,
+    log: MatchedLog,
+    theta: FloatArray,
+    follows: Mapping[str, Follow] | None = None,
+    known: tuple[FloatArray, BoolArray] | None = None,
+) -> dict[int, OnCurve]:
+    """The states that outputs show alone where a log begins, by output: on straight lines, and on curves.
+
+    Arguments as for :func:`directly_measured`.
+    """
+    u = first_inputs(model, log)
+    x0, held = (model.x0(theta), np.zeros(len(model.states), dtype=np.bool_)) if known is None else known
+    measured = {o: value for o in range(len(model.outputs)) if (value := first_measured(log, o)) is not None}
+    found = {
+        o: OnCurve(state, (measured[o] - offset) / slope, slope)
+        for o, (state, slope, offset) in directly_measured(model, u, theta, follows, known).items()
+        if o in measured
+    }
+    straight = {one.state for one in found.values()}
+    left = {o: value for o, value in measured.items() if o not in found}
+    curves = shown_by_curves(model, u, theta, left, (x0, held), follows)
+    return found | {o: one for o, one in curves.items() if one.state not in straight}
 
 
 def first_measured(log: MatchedLog, output: int) -> float | None:

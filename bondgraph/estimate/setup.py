@@ -18,7 +18,7 @@ from bondgraph.data.select import pieces
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.cyclic import ANYWHERE, repeats
 from bondgraph.estimate.free import FreeParameter, declared_free
-from bondgraph.estimate.initial import directly_measured, initial_states
+from bondgraph.estimate.initial import directly_measured, first_shown, initial_states
 from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_choice import with_noise_nodes
@@ -274,13 +274,11 @@ def _start_std(
 ) -> dict[str, float]:
     """A measured state starts anywhere near its first measurement, any other anywhere within its size."""
     std = dict(zip(model.names("state"), map(float, sizes), strict=True))
-    for output, (state, slope, _) in directly_measured(model, first_inputs(model, logs[0]), model.theta()).items():
+    for output, one in first_shown(model, logs[0], model.theta()).items():
         name = model.names("output")[output]
         if name in noise:
-            sensor = abs(noise[name] / slope)
-            std[model.names("state")[state]] = max(
-                min(_START_WIDTH * sensor, sizes[state]), sensor, 1e-9 * sizes[state]
-            )
+            sensor, size = abs(noise[name] / one.slope), sizes[one.state]
+            std[model.names("state")[one.state]] = max(min(_START_WIDTH * sensor, size), sensor, 1e-9 * size)
     return {name: max(value, _SMALLEST) for name, value in std.items()}
 
 

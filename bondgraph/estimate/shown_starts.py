@@ -15,9 +15,10 @@ import numpy as np
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import Target
-from bondgraph.estimate.initial import InitialRule, at_parameters, directly_measured, first_measured
+from bondgraph.estimate.initial import InitialRule, at_parameters, directly_measured, first_measured, first_shown
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray
+from bondgraph.estimate.shown_by_curves import bends, inverted, single_state
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.late import first_inputs
 from bondgraph.simulate.model import Model
@@ -30,13 +31,15 @@ _TELLING = 1e-6
 class ShownStart:
     """A state that begins where an output shows it: their positions, the first measurement, and the output's slope.
 
-    The slope is that at the parameters at which the filter's uncertainty of the start was said.
+    The slope is that at the parameters at which the filter's uncertainty of the start was said. ``curved``: the output
+    shows it by a curve, at these parameters or at others.
     """
 
     state: int
     output: int
     value: float
     slope: float
+    curved: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,21 @@ class ShownStarts:
             slopes = self._by_states(theta, x0)
             for one in self.shown:
                 moved[one.state] = (one.value - shows[one.output]) / slopes[one.output, one.state]
+                if one.curved:
+                    moved[one.state] = self._along_curve(one, theta, x0)
         return x0 + self._followed(moved)
+
+    def _along_curve(self, one: ShownStart, theta: FloatArray, x0: FloatArray) -> FloatArray:
+        """By how much (members,) a state is elsewhere where a curve shows it; zero where the curve does not tell."""
+
+        def curve(moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+            away = np.zeros_like(x0)
+            away[one.state] = moved
+            there = x0 + self._followed(away)
+            shows = self.model.output(*self._at(theta, there))[one.output]
+            return shows, self._by_states(theta, there)[one.output, one.state]
+
+        return np.nan_to_num(inverted(curve, np.zeros(x0.shape[1]), one.value)[0], nan=0.0)
 
     def widths(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
         """How uncertain these states are, as multiples (n_x, members) of what was said: the output is as much as ever.
@@ -109,7 +126,11 @@ class ShownStarts:
                     for at in (x0, x0 + self._followed(away))
                 )
                 moved[one.state] = -here / by_state
-                wider[one.state] = -abs(one.slope / by_state) * (there - here) / by_state
+                bent = there - here
+                if one.curved:
+                    along = (self._followed(away)[:, 0], moved[one.state])
+                    bent = bends(self.model, self._at(theta, x0), (one.output, one.state), along, turned)
+                wider[one.state] = -abs(one.slope / by_state) * bent / by_state
         return self._followed(moved), wider
 
     def _at(self, theta: FloatArray, x0: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
@@ -155,9 +176,9 @@ class Beginnings:
         """The members, each with its own beginnings."""
         if not self.move:
             return members
-        pairs = list(zip(self.logs, members.x0, strict=True))
+        pairs = zip(self.logs, members.x0, strict=True)
         begun = tuple(one.begun(members.theta, start) for one, start in pairs)
-        for own, x0 in pairs:
+        for own, x0 in zip(self.logs, begun, strict=True):
             if own.shown:
                 wider = self._wider(members.initial_std, own.widths(members.theta, x0))
                 return replace(members, x0=begun, initial_std=wider)
@@ -192,8 +213,7 @@ def led(model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, 
     """
     names = model.names("state")
     known = [name for name in follows if name in names]
-    direct = directly_measured(model, first_inputs(model, log), theta) if known else {}
-    shown = {names[state] for output, (state, _, _) in direct.items() if first_measured(log, output) is not None}
+    shown = {names[one.state] for one in first_shown(model, log, theta).values()} if known else set()
     return {name: follows[name] for name in known if name not in shown or _is_of_hidden(follows[name], names, shown)}
 
 
@@ -238,14 +258,20 @@ def shown_starts(
     if jacobian is not None and own.intersection(map(int, jacobian.columns)):
         pairs = zip(jacobian.rows, jacobian.columns, strict=True)
         translated = {int(row) for row, column in pairs if int(column) in own}
-        # a dead zone is not straight there
-        away = directly_measured(model, first_inputs(model, log), _moved(model, own), follows)
-        found = [
-            one
-            for one in _begun_at_outputs(model, log, said, moved, follows)
-            if one.output in translated and away.get(one.output, (None,))[0] == one.state
-        ]
+        begun_there = (one for one in _begun_at_outputs(model, log, said, moved, follows) if one.output in translated)
+        found = list(filter(None, (_anywhere(one, model, log, _moved(model, own), follows) for one in begun_there)))
     return ShownStarts(model, log, tuple(found), lines if found or moving else (), moving)
+
+
+def _anywhere(
+    one: ShownStart, model: Model, log: MatchedLog, away: FloatArray, follows: Mapping[str, Follow]
+) -> ShownStart | None:
+    """A shown start as it is at other parameters too: on a line, on a curve, or None where other states act there."""
+    straight = directly_measured(model, first_inputs(model, log), away, follows)
+    if not one.curved and straight.get(one.output, (None,))[0] == one.state:
+        return one
+    alone = single_state(model, one.output, np.zeros(len(model.states), dtype=np.bool_), follows)
+    return replace(one, curved=True) if alone == one.state else None
 
 
 def _moving(model: Model, own: Collection[int], rows: Sequence[int]) -> tuple[int, ...]:
@@ -297,9 +323,10 @@ def _begun_at_outputs(
     elsewhere = {
         model.index("state", name) for name in (*_free_starts(log, free), *(one.state for one in model.starts))
     }
+    straight = directly_measured(model, first_inputs(model, log), theta, follows)
     found = []
-    for output, (state, slope, _) in directly_measured(model, first_inputs(model, log), theta, follows).items():
+    for output, one in first_shown(model, log, theta, follows).items():
         value = first_measured(log, output)
-        if state not in elsewhere and value is not None:
-            found.append(ShownStart(state, output, value, slope))
+        if one.state not in elsewhere and value is not None:
+            found.append(ShownStart(one.state, output, value, one.slope, output not in straight))
     return found

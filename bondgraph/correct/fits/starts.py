@@ -19,12 +19,11 @@ from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.initial import directly_measured
+from bondgraph.estimate.initial import first_shown
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.simulate.late import first_inputs
 
 #: A start is doubted if the innovations of so many samples after it are this large by chance.
 _FIRST, _DOUBTED = 10, 1e-3
@@ -59,9 +58,7 @@ def with_starts(fitted: Fit, journal: Journal | None = None) -> Fit:
 def _starts(problem: EstimationProblem) -> tuple[FreeParameter, ...]:
     """The starts that no sensor shows, of every log, as free parameters; none that is free already."""
     filter_model, model = problem.filter_model, problem.filter_model.model
-    shown = {
-        state for state, _, _ in directly_measured(model, first_inputs(model, problem.logs[0]), model.theta()).values()
-    }
+    shown = {one.state for one in first_shown(model, problem.logs[0], model.theta()).values()}
     known = {parameter.target.name for parameter in problem.free if parameter.target.kind == "x0"}
     found = []
     for row, name in enumerate(model.names("state")):
