@@ -180,7 +180,8 @@ def _say_fallback(problem: str) -> None:
     )
 
 
-def _functions(kernel: ModuleType, decorator: str, within: str = "@_inner\n") -> list[str]:
+@functools.cache
+def _functions(kernel: ModuleType, decorator: str, within: str = "@_inner\n") -> tuple[str, ...]:
     """The functions and constants of a kernel module, without its imports and types; the public ones as asked for."""
     text = inspect.getsource(kernel)
     parts = []
@@ -190,7 +191,7 @@ def _functions(kernel: ModuleType, decorator: str, within: str = "@_inner\n") ->
             parts.append((within if node.name.startswith("_") else decorator) + segment)
         elif isinstance(node, ast.Assign):
             parts.append(segment)
-    return parts
+    return tuple(parts)
 
 
 def load_compiled(source: str) -> ModuleType:

@@ -167,6 +167,7 @@ def test_names_do_not_tell_a_parameter_of_the_machine_from_a_shape_of_a_law() ->
     assert linearisation(base, train, ["k_guide", "v_guide", "c_guide"]).bounded is None
 
 
+@pytest.mark.slow
 def test_a_loss_that_would_give_energy_is_refused() -> None:
     true = sled.added(effects.quadratic_loss, "runner", 1.2)
     logs = [sled.pull(true, seed, name=f"run{seed}", c_guide=30.0) for seed in (1, 2)]

@@ -156,6 +156,7 @@ def coarse_fan() -> Fit:
     return fit(EstimationProblem(sampled, (log,), (*free_parameters(setup, ()), *setup.noise)))
 
 
+@pytest.mark.slow
 def test_effects_could_make_up_for_steps_that_are_stable_but_no_more() -> None:
     rough = coarse_fan()
     assert rough.problem.filter_model.substeps == 2

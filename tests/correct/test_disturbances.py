@@ -177,6 +177,7 @@ def dragged(seed: int, gust: float, quadratic: float, samples: int = 1200) -> Ma
     return MatchedLog(f"run{seed}", time[::10], push[np.newaxis], shown[np.newaxis])
 
 
+@pytest.mark.slow
 def test_a_law_must_explain_more_than_a_disturbance_would() -> None:
     """A wind was named a constant load and a saturation of the flow, with certainty, and the drag not found."""
     functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
@@ -200,6 +201,7 @@ def test_a_law_without_a_wind_has_no_disturbance_beside_it() -> None:
     assert [one.trial.candidate.label for one in found.added] == ["quadratic_loss at body"] and not found.disturbances
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [effects.sprung_mass, effects.viscoelastic_drag, effects.hysteresis_loss])
 def test_a_wind_is_no_law_with_a_memory(law: EffectFunction) -> None:
     """A load that wanders was a mass on a spring of ten times its platen: white noise drives both through a memory."""

@@ -43,7 +43,10 @@ def _with(log: MatchedLog, kind: str) -> MatchedLog:
     return replace(log, y=y)
 
 
-@pytest.mark.parametrize("kind", ["bias", pytest.param("scale", marks=pytest.mark.slow), "drift", "delay"])
+@pytest.mark.parametrize(
+    "kind",
+    ["bias", pytest.param("scale", marks=pytest.mark.slow), "drift", pytest.param("delay", marks=pytest.mark.slow)],
+)
 def test_a_fault_is_named_with_channel_kind_and_size(kind: str) -> None:
     closed = close_loop(sled(), faulty(kind), [], FUNCTIONS)
     assert closed.verdict == "sensor fault suspected"
@@ -96,6 +99,7 @@ def test_a_loop_that_is_run_again_takes_its_finished_fits_and_ends_the_same(tmp_
     assert not journal.exists
 
 
+@pytest.mark.slow
 def test_faults_are_left_out_where_they_are_not_wanted() -> None:
     closed = close_loop(sled(), faulty("bias"), [], FUNCTIONS, LoopSettings(faults=False))
     assert not any(added.trial.candidate.effect.channel for added in closed.added)

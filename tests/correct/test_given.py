@@ -58,6 +58,7 @@ def test_a_mass_three_percent_off_is_no_law() -> None:
     assert told_so == {"name": "m_sled", "given": 40.0, "delta_nll": off.gain, "others": []}
 
 
+@pytest.mark.slow
 def test_a_law_beside_a_mass_that_is_off_has_no_companion() -> None:
     closed = closed_on(41.2, drag=1.0)
     assert [one.trial.candidate.label for one in closed.added] == ["quadratic_loss at runner"]

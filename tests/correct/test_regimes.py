@@ -266,6 +266,7 @@ def test_a_law_is_gated_in_the_place_of_itself(monkeypatch: pytest.MonkeyPatch) 
     assert np.isfinite(gated.prediction.gain) and gated.prediction.starts
 
 
+@pytest.mark.slow
 def test_a_gate_in_the_signal_of_its_law_is_worth_less_than_another_term_in_it() -> None:
     """Friction that differs by direction: dry friction that ended just below the top speed was called the law."""
     log, own = rides(), build(emps.start())

@@ -94,6 +94,7 @@ def test_an_effect_of_a_tenth_of_the_noise_is_told_without_a_name() -> None:
     assert told.why.endswith("too little for a name")
 
 
+@pytest.mark.slow
 def test_three_times_as_much_has_its_name() -> None:
     closed = closed_on(3.0 * FAINT_DRAG)
     assert [one.trial.candidate.label for one in closed.added] == ["quadratic_loss at runner"]

@@ -131,6 +131,7 @@ def discharged(seed: int) -> MatchedLog:
     return MatchedLog(f"run{seed}", np.arange(float(count)), current[np.newaxis], shown[np.newaxis])
 
 
+@pytest.mark.slow
 def test_a_relaxation_of_many_time_constants_is_no_drift_of_the_only_sensor() -> None:
     """A drift of 0.45 V in a run was "suspected", and confirmed by the held-out log; later one of 0.18 V was added."""
     closed = bg.close_loop(cell(), [discharged(1), discharged(2)], [discharged(3)])

@@ -105,6 +105,7 @@ def test_each_of_several_resistances_is_tried() -> None:
     assert names == ["resistance_exponent_of_wall", "resistance_exponent_of_filter"]
 
 
+@pytest.mark.slow
 def test_a_hose_is_found_with_its_exponent() -> None:
     """Added beside the declared line, a power has one coefficient too many: a sauna took 375 s to name it."""
     functions = (effects.resistance_exponent, effects.orifice_between, effects.leak_between, effects.quadratic_loss)

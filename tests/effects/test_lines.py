@@ -131,6 +131,7 @@ def filled(inertia: float, seed: int) -> bg.Log:
     return bg.Log(f"lock_{seed}", time, channels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [0.9, 0.0])
 def test_the_water_of_a_culvert_is_found_where_it_has_inertia(inertia: float) -> None:
     """The start of its flow was ten times what it settles at, and a lag of the gauge explained what that left."""

@@ -31,6 +31,7 @@ def test_a_log_that_is_trained_on_and_held_out_is_refused() -> None:
         bg.close_loop(sled(), log, [log], FUNCTIONS)
 
 
+@pytest.mark.slow
 def test_parts_between_jumps_in_time_are_logs_of_their_own() -> None:
     """A radiator's law lost 222 nats by half an hour that was not logged, and was refused."""
     whole = as_read(pull(added(effects.quadratic_loss, "runner", 1.2), 1, samples=900))

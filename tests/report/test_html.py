@@ -187,6 +187,7 @@ def test_a_column_without_numbers_is_left_out_and_a_long_table_of_sizes_folded()
     assert "11 more in the report" in text_of(power_table([*hidden, *power]))
 
 
+@pytest.mark.slow
 def test_options_and_deviations_are_not_broken_between_lines() -> None:
     """On a phone a line ended with "--" and the next began with "refits"."""
     notes = ("grant more with --refits 24, or leave <others> out with --without: 47.1 ± 6.33 nats.",)

@@ -12,6 +12,7 @@ The work buffer ``w`` holds, for up to 16 lanes, one row per number:
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -191,8 +192,9 @@ class Writer:
         return [part.replace("one_step", used) for part in parts if f"def {unused}" not in part]
 
 
-def module_functions(kernel: ModuleType) -> list[str]:
-    """Texts of the functions of a kernel module."""
+@functools.cache
+def module_functions(kernel: ModuleType) -> tuple[str, ...]:
+    """Texts of the functions of a kernel module; every model that is compiled asks for them."""
     text = inspect.getsource(kernel)
     nodes = [node for node in parsed(text).body if isinstance(node, ast.FunctionDef)]
-    return [ast.get_source_segment(text, node) or "" for node in nodes]
+    return tuple(ast.get_source_segment(text, node) or "" for node in nodes)
