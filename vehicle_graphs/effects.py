@@ -8,6 +8,7 @@ from bondgraph.effects.friction import rolling_speed_loss as rolling_speed_loss
 from bondgraph.effects.friction import stribeck_loss as stribeck_loss
 from bondgraph.effects.friction import viscous_loss as viscous_loss
 from bondgraph.effects.friction import warm_up_loss as warm_up_loss
+from bondgraph.effects.gaps import backlash as backlash
 from bondgraph.effects.hysteresis import hysteresis_loss as hysteresis_loss
 from bondgraph.effects.loads import constant_effort as constant_effort
 from bondgraph.effects.loads import headwind as headwind
@@ -18,4 +19,3 @@ from bondgraph.effects.losses import slip as slip
 from bondgraph.effects.losses import torque_proportional_loss as torque_proportional_loss
 from bondgraph.effects.storages import added_compliance as added_compliance
 from bondgraph.effects.storages import added_inertia as added_inertia
-from bondgraph.effects.storages import backlash as backlash

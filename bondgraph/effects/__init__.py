@@ -18,7 +18,8 @@ actuators    wrong scale, lag and delay of sources and ratios, ceiling, dead zon
              follows a command; motors whose constant falls with the current, magnets that pull harder as a gap closes
 ratios       cranks, universal joints and linkages, whose ratio moves with an angle or a stroke
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
-storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
+storages     added inertia, capacity, compliance; stops, springs that harden, gas, iron that saturates
+gaps         backlash of a spring, clearance of a coupling
 bodies       inertia that changes with a position
 lines        inertia of fluid or inductance in a line that has none, capacity of a node that has none
 imperfect    resistances on the way into a storage, losses in the iron of a coil
@@ -69,7 +70,8 @@ from bondgraph.effects.storages import added_inertia as added_inertia
 from bondgraph.effects.lines import line_inertia as line_inertia
 from bondgraph.effects.lines import node_capacity as node_capacity
 from bondgraph.effects.bodies import inertia_by_position as inertia_by_position
-from bondgraph.effects.storages import backlash as backlash
+from bondgraph.effects.gaps import backlash as backlash
+from bondgraph.effects.gaps import clearance as clearance
 from bondgraph.effects.storages import end_stop as end_stop
 from bondgraph.effects.storages import gas_storage as gas_storage
 from bondgraph.effects.storages import hardening_spring as hardening_spring

@@ -1,11 +1,10 @@
-"""Storages that were not declared, and those whose law is not straight: inertia, elasticity, play, gas, saturation.
+"""Storages that were not declared, and those whose law is not straight: inertia, elasticity, gas, saturation.
 
-References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Nordin, Gutman (2002), Automatica 38(10),
-for backlash as a dead zone of an elastic shaft; Gholizadeh, Burton, Schoenau (2011), International Journal of Fluid
-Power 12(3), for air in oil; Duffing (1918), Erzwungene Schwingungen, for springs that harden;
-Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4, for springs that soften; Trutt, Erdelyi, Hopkins (1968), IEEE
-Trans. PAS 87(3), for the magnetisation of iron; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for
-gas that exchanges little heat while it is compressed; Johnson (1985), Contact Mechanics, chapter 4, for stops.
+References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Gholizadeh, Burton, Schoenau (2011),
+International Journal of Fluid Power 12(3), for air in oil; Duffing (1918), Erzwungene Schwingungen, for springs that
+harden; Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4, for springs that soften; Trutt, Erdelyi, Hopkins (1968),
+IEEE Trans. PAS 87(3), for the magnetisation of iron; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1),
+for gas that exchanges little heat while it is compressed; Johnson (1985), Contact Mechanics, chapter 4, for stops.
 """
 
 from __future__ import annotations
@@ -143,21 +142,6 @@ def added_compliance(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "added_compliance", name, "effort = displacement/c + d*flow", (f"compliance_{name}",), adds_state=True,
         shapes=(damping.name,), reference=_STORAGES, manoeuvre="a blow or step that makes both sides swing",
-    )  # fmt: skip
-
-
-def backlash(g: BondGraph, at: Place) -> Effect | None:
-    """Play in front of a declared spring: it carries nothing until the gap is taken up."""
-    spring = spring_at(g, at) if is_motion(at) else None
-    if spring is None:
-        return None
-    name = f"backlash_{at.name}"
-    gap = g.parameter(f"gap_{name}", 0.0, spring.unit, f"half of the play at {at.label}", (0.0, 2.0 * spring.way))
-    _bend(g, spring, lambda old: old.xreplace({_STRETCH: _STRETCH - clip(_STRETCH, -gap, gap)}))
-    return Effect(
-        "backlash", spring.name, "effort = k*(displacement - clip(displacement, -b, b))", (gap.name,),
-        amplitudes=(0.03, 0.1, 0.3), reference="Nordin, Gutman (2002), Automatica 38(10)",
-        manoeuvre="loads that change their sign",
     )  # fmt: skip
 
 

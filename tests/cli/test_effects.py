@@ -29,7 +29,7 @@ def spring_softens(g: BondGraph, at: Place) -> Effect | None: ...
 #: Files that only import effects, in the ways in which one may write that.
 ONLY_IMPORTS = {
     "names": "from bondgraph.effects import backlash, creep\nfrom math import sin\n",
-    "listed": "from bondgraph.effects.storages import *\nfrom bondgraph.effects import creep\n"
+    "listed": "from bondgraph.effects.gaps import *\nfrom bondgraph.effects import creep\n"
     "__all__ = ['backlash', 'creep']\n",
     "old place": "from vehicle_graphs.effects import backlash as backlash, creep as creep\n",
 }

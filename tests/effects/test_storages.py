@@ -14,9 +14,9 @@ from bondgraph.declare.domains import Domain
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.quantities import symbol
+from bondgraph.effects.gaps import backlash
 from bondgraph.effects.storages import (
     added_capacity,
-    backlash,
     end_stop,
     entrained_air,
     gas_storage,
