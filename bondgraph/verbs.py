@@ -21,6 +21,7 @@ from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as estimate_problem
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.inputs_before import with_inputs_before
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.likelihoods import LikelihoodFunction
 from bondgraph.estimate.objective import Progress, silent
@@ -156,7 +157,9 @@ def filter_log(
     filter_model = model if isinstance(model, FilterModel) else filter_setup(own, own.driven, [fitting]).filter_model
     filter_model = _judging(filter_model, read_robust(robust))
     values = own.theta(**theta) if isinstance(theta, Mapping) else own.theta() if theta is None else np.asarray(theta)
-    start = initial_states(own, [fitting], values, initial if x0 is None else (x0,))[0]
+    rule = initial if x0 is None else (x0,)
+    (fitting,) = with_inputs_before(own, [fitting], values, rule)
+    start = initial_states(own, [fitting], values, rule)[0]
     kept = {"all": run, "bands": run_bands, "smoothed": run_smoothed}.get(keep)
     if kept is None:
         raise OptionError(

@@ -12,11 +12,14 @@ from bondgraph.correct.evidence.replaced import parameters_beside
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.round import Round
+from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.analysis.combinations import Combination, combinations
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.text import few, inflected
+from bondgraph.simulate.late import late_rows
+from bondgraph.simulate.model import Model
+from bondgraph.text import few, inflected, number
 
 #: Condition index from which a direction is open to rounding: derivatives by differences are right to the sixth digit.
 _OPEN = 1e6
@@ -120,6 +123,32 @@ def after_delays(laws: Sequence[Trial], fitted: Fit) -> list[str]:
                 "loop again to see"
             )
     return said
+
+
+def estimated_starts(fitted: Fit) -> list[str]:
+    """Sentences on states whose starts were estimated log by log, since the first measurements do not show them."""
+    model, values, said = fitted.problem.filter_model.model, fitted.values, []
+    for name in fitted.begun:
+        info = model.states[model.index("state", name)]
+        own = [one for one in fitted.problem.free if one.target.kind == "x0" and one.target.name == name]
+        unit = f" {info.display_unit}" if info.display_unit not in ("", "1") else ""
+        where = [f"{number(float(info.shown(values[one.name])))}{unit} in {one.target.log}" for one in own]
+        said.append(
+            f"{name} starts where the logs show it later on, {few(where)}: the corrected declaration has the mean"
+        )
+    return said
+
+
+def begun_with(model: Model, logs: Sequence[MatchedLog]) -> list[str]:
+    """A sentence on inputs that a model has late and that began with their logs: before these they count as nothing."""
+    names = model.names("input")
+    late = {names[row.source] for row in late_rows(model)}
+    begun = sorted({name for log in logs for name in log.before if name in late})
+    return [
+        f"{name} begins with the logs: before them it is taken as {model.inputs[names.index(name)].default:g}, since "
+        "the machine is at rest without it at the first sample"
+        for name in begun
+    ]
 
 
 def resting(fitted: Fit) -> list[str]:

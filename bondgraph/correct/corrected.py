@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.replaced import beyond_declared
-from bondgraph.correct.models.started import with_declared_starts
+from bondgraph.correct.models.started import with_declared_starts, with_estimated_starts
 from bondgraph.correct.progress import Progress
 from bondgraph.declare.editing import with_bounds, with_values
 from bondgraph.estimate.fitted import Fit
@@ -17,6 +17,7 @@ def corrected(nominal: Fit, state: Progress) -> tuple[BuiltModel, tuple[str, ...
     """
     current = state.fit
     built = build(with_values(with_bounds(state.built.graph, _widened(nominal, current)), _model_values(current)))
+    built = with_estimated_starts(built, {name: mean for name, (mean, _) in current.begun.items()})
     if current.problem.initial != "measured":
         return built, ()
     paths = [run.filtered_mean for run in current.runs(state.train)]

@@ -35,6 +35,7 @@ from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.initial import InitialRule
+from bondgraph.estimate.inputs_before import with_inputs_before
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisiest_start, noisy_starts, quiet_start
@@ -78,8 +79,8 @@ class DeclaredFit:
     """The declared model and its fit, with what was set up for it, and logs matched to it.
 
     ``graph`` may have rates among its inputs that no equation uses; ``otherwise`` says how inputs run between samples
-    against the declaration, and ``cautions`` say so. ``straight`` are sets of inputs that run straight between samples
-    and may run another way: held, those that are constant in ``pieces`` and all; band limited, those that are quick.
+    against the declaration, and ``cautions`` say so. ``straight`` are sets of inputs that may run another way than they
+    do: held, those that are constant in ``pieces`` and all; band limited, those that are quick.
     """
 
     graph: BondGraph
@@ -158,7 +159,9 @@ def fit_declared(
         other = attempted(lambda one=inputs: _fitted_otherwise(graph, train, holdout, wishes, one), lambda why: None)  # type: ignore[misc]
         if other is not None and other.fit.nll < found.fit.nll - INDIFFERENT:
             nats = found.fit.nll - other.fit.nll
-            found = replace(other, cautions=(_said(OtherwiseAfterAll(inputs, nats, False, pieces)),))
+            said = _said(OtherwiseAfterAll(inputs, nats, False, pieces))
+            held = tuple(sets) if inputs == curved else ()  # a law may show quick inputs to be held
+            found = replace(other, cautions=(said,), straight=tuple(one for one in held if one.names), pieces=pieces)
             break
     report("fit the declared model", 1, 1)
     return found
@@ -247,6 +250,10 @@ def _fitted(
     built = before if graph is before.graph else build(graph)
     if built is not before:
         train, holdout = rated(train, before.model, built.model), rated(holdout, before.model, built.model)
+    train, holdout = (
+        with_inputs_before(built.model, logs, built.model.theta(), wishes.initial, whatever_follows=True)
+        for logs in (train, holdout)
+    )
     setup = filter_setup(built.model, [name for name in built.driven if name != RESTING], train, wishes.process_noise)
     free = _all_free(setup, wishes.free)
     _check_enough(graph, train, len(free))

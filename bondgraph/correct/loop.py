@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.cautions import after_delays, at_bounds, cautions_of, left_bounds
+from bondgraph.correct.cautions import after_delays, at_bounds, begun_with, cautions_of, estimated_starts, left_bounds
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
 from bondgraph.correct.corrected import corrected
@@ -269,22 +269,22 @@ def _rounds(
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present, state.added)
             rounds.append(turn)
             pair = two_laws(state, turn, functions, own) if room > 1 else None
-            if pair is not None:
-                state, rounds = without_needless_constants(pair[0], own), [*rounds[:-1], *pair[1]]
-                continue
-            off = with_off_constants(state, turn, functions, own)
+            off = with_off_constants(state, turn, functions, own) if pair is None else state
             if off is not state:
                 state = off
                 continue
-            if turn.chosen is None:
+            before = state
+            if pair is not None:
+                state, rounds = pair[0], [*rounds[:-1], *pair[1]]
+            elif turn.chosen is None:
                 further = "further " if state.added else ""
                 passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
                 passes = "all else that passes the tests is small" if small_rest(turn.trials) else passes
                 return state, rounds, passes
-            disturbed = explained_at_random(state, turn.chosen, own)
-            before, state = state, advance(state, turn, own) if disturbed is state else disturbed
-            state = without_needless_constants(state, own)
-            state = state if begun is None or not state.laws else _with_inputs(begun, before, state, own.journal)
+            else:
+                disturbed = explained_at_random(state, turn.chosen, own)
+                state = advance(state, turn, own) if disturbed is state else disturbed
+            state = _with_inputs(begun, before, without_needless_constants(state, own), own.journal)
             if state.anew:
                 return state, rounds, "inputs run otherwise between samples after all"
         except FAILURES as error:
@@ -298,8 +298,10 @@ def _rounds(
     return state, rounds, f"the limit of {count(most, 'effect')} was reached (--max-effects {most + 1} looks for more)"
 
 
-def _with_inputs(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:
+def _with_inputs(begun: DeclaredFit | None, before: Progress, after: Progress, journal: Journal) -> Progress:
     """The state after a law was added, with the inputs that it shows to run another way, or straight after all."""
+    if begun is None or not after.laws:
+        return after
     other = otherwise_after_all(begun, (before.fit, before.built), (after.fit, after.built), journal)
     straight = bool(begun.otherwise) and straight_is_likelier(begun, after.fit, after.built, journal)
     return replace(after, otherwise=other, straight=straight)
@@ -335,6 +337,7 @@ def _result(
         *(round_cautions(rounds[0]) if rounds else ()),
         *unsearched(rounds, settings.refits, is_white(current, settings.level)),
         *start_cautions(undeclared), *after_delays(state.added, current),
+        *begun_with(state.built.model, state.train), *(estimated_starts(current) if state.laws else ()),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
         *(simulated_better(nominal, before, after, settings.journal) if state.laws or state.constants else ()),
     )  # fmt: skip

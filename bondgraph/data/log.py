@@ -230,6 +230,9 @@ class MatchedLog:
         Columns of the log that the model does not use.
     notes
         What deserves attention and did not stop the match.
+    before
+        What inputs were before the first sample, by name; of others their first value. See
+        :func:`bondgraph.estimate.inputs_before.with_inputs_before`.
     """
 
     name: str
@@ -239,6 +242,7 @@ class MatchedLog:
     theta_overrides: Mapping[str, float] = field(default_factory=dict)
     unmatched: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    before: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _require_name(self.name)
@@ -252,7 +256,8 @@ class MatchedLog:
 
     def rows(self, chosen: npt.NDArray[np.bool_]) -> MatchedLog:
         """The log at the chosen rows only, shape (n,) of truth values."""
-        return replace(self, time=self.time[chosen], u=self.u[:, chosen], y=self.y[:, chosen])
+        before = self.before if chosen.size and chosen[0] else {}
+        return replace(self, time=self.time[chosen], u=self.u[:, chosen], y=self.y[:, chosen], before=before)
 
 
 def _extent(time: FloatArray) -> str:

@@ -298,6 +298,28 @@ def revise_start(graph: BondGraph, name: str, signal: str, factor: float = 1.0) 
         )
 
 
+def revise_initial(graph: BondGraph, name: str, value: float) -> None:
+    """Let a storage with one state start at another number, in the coherent unit of its state.
+
+    Raises
+    ------
+    DeclarationError
+        If the graph itself declares no such storage, or one that starts at a signal or at an expression.
+
+    Examples
+    --------
+    >>> g = BondGraph("sled")
+    >>> mass = g.inertance("mass", 4.0, at=g.one_junction("body"), state="v")
+    >>> revise_initial(g, "mass", 2.5)
+    >>> g.nodes["mass"].initial
+    (2.5,)
+    """
+    node = graph._nodes.get(name)
+    if node is None or node.kind not in STORAGES or node.is_field or any(one is not None for one in node.starts):
+        raise DeclarationError(f"{graph.name}: {name!r} is no storage that starts at one number", where=(name,))
+    graph._nodes[name] = dataclasses.replace(node, initial=(float(value),), initial_units=())
+
+
 def replace_symbols(graph: BondGraph, values: Mapping[str, Expr]) -> None:
     """Write other expressions in the place of parameters, in all laws and outputs that the graph itself declares.
 

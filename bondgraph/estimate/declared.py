@@ -9,6 +9,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
 from bondgraph.estimate.initial import Initial
+from bondgraph.estimate.inputs_before import with_inputs_before
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.simulate.model import Model
@@ -31,6 +32,7 @@ def declared_problem(
     EstimationError
         If a name is unknown or has no bounds.
     """
+    logs = with_inputs_before(model, logs, model.theta(), initial)
     setup = filter_setup(model, driven, logs, process_noise)
     names = [one for one in free if isinstance(one, str)]
     wanted = [name for name in names if parse_target(name).kind == "parameter"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,6 +87,25 @@ class Fit:
         return replace(own, initial_std={**own.initial_std, **wide}) if wide else own
 
     @functools.cached_property
+    def begun(self) -> Mapping[str, tuple[float, float]]:
+        """Where the starts of single logs were estimated, by state: their mean, and how far from it another log begins.
+
+        Of several logs that is the standard deviation of one more like them, of one what was assumed of it.
+        """
+        found: dict[str, list[FreeParameter]] = {}
+        for one in self.problem.free:
+            if one.target.kind == "x0" and one.target.log and one.prior_std:
+                found.setdefault(one.target.name, []).append(one)
+        begun = {}
+        for state, own in found.items():
+            values = np.array([self.values[one.name] for one in own])
+            assumed = max(one.prior_std or 0.0 for one in own)
+            spread = float(np.std(values, ddof=1) * np.sqrt(1.0 + 1.0 / values.size)) if values.size > 1 else assumed
+            std = max(spread, *(self.std[one.name] for one in own))
+            begun[state] = (float(values.mean()), min(std, assumed))
+        return begun
+
+    @functools.cached_property
     def own_runs(self) -> tuple[FilterRun, ...]:
         """The filter over the logs that were fitted, at the optimum: many ask for it, and it is costly."""
         return tuple(self._filtered(self.problem.logs))
@@ -138,11 +157,18 @@ class Fit:
     def _filtered(self, logs: Sequence[MatchedLog]) -> list[FilterRun]:
         names = {log.name for log in logs}
         own = names <= {parameter.target.log for parameter in self.problem.free}
-        filter_model = self.problem.filter_model if own else self.elsewhere
+        filter_model, begun = self.problem.filter_model, {} if own else self.begun
+        if begun:
+            wide = {name: std for name, (_, std) in begun.items()}
+            filter_model = replace(filter_model, initial_std={**filter_model.initial_std, **wide})
+        rows = [filter_model.model.index("state", name) for name in begun]
+        middle = [mean for mean, _ in begun.values()]
         kept = [k for k, one in enumerate(self.problem.free) if one.target.log is None or one.target.log in names]
         free = tuple(self.problem.free[k] for k in kept)
         problem = EstimationProblem(filter_model, tuple(logs), free, self.problem.initial)
         batch = problem.batch(self.point[kept][:, np.newaxis])
+        for x0 in batch.x0:
+            x0[rows, 0] = middle
         return [
             run(
                 problem.filter_model, log, batch.theta[:, 0],

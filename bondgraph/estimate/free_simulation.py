@@ -28,6 +28,7 @@ from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.smoother import smoothed_start
 from bondgraph.simulate.batch import simulate_batch
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.starts import BEGINNING
@@ -217,7 +218,7 @@ def expected_problem(problem: EstimationProblem, point: FloatArray) -> Estimatio
         theta = batch.theta[:, 0].copy()
         for name, value in log.theta_overrides.items():
             theta[model.index("parameter", name)] = value
-        run = simulate(model, log.time, log.u, theta, x0[:, 0], compiled=True)
+        run = simulate(model, log.time, inputs_of(model, log), theta, x0[:, 0], compiled=True)
         if not np.isfinite(run.y).all():
             raise EstimationError(
                 f"{model.name}: the model diverges along {log.name!r} at t = {run.ended_at:.6g} s"
@@ -263,7 +264,7 @@ def left_alone(filtered: FilterRun, theta: FloatArray, log: MatchedLog) -> Traje
 
     def simulated(start: FloatArray) -> Trajectory:
         x0 = start[: len(model.states)]
-        return simulate(model, log.time, log.u, own, x0, method=method, substeps=steps, compiled=True)
+        return simulate(model, log.time, inputs_of(model, log), own, x0, method=method, substeps=steps, compiled=True)
 
     begun = simulated(smoothed_start(filtered, float(log.time[0] + BEGINNING * np.ptp(log.time))))
     return begun if begun.outcome is Outcome.OK else simulated(filtered.filtered_mean[:, 0])

@@ -19,6 +19,7 @@ from bondgraph.errors import EstimationError, require_kind, suggest
 from bondgraph.estimate.coordinates import AbstractProblem, checked_priors
 from bondgraph.estimate.free import FreeParameter, Target, declared_free, parse_target, require_known
 from bondgraph.estimate.initial import Initial, initial_states, start_rule
+from bondgraph.estimate.inputs_before import with_inputs_before
 from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikelihood, LikelihoodFunction
 from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.estimate.priors import Prior, read_priors
@@ -289,8 +290,9 @@ def pose(
     [1.0, 1.0]
     """
     require_kind("pose", filter_model, FilterModel, "filter model")
-    listed = tuple(all_matched(logs, filter_model.model))
-    starts = initial_states(filter_model.model, listed, filter_model.model.theta(), initial)
+    model = filter_model.model
+    listed = with_inputs_before(model, all_matched(logs, model), model.theta(), initial)
+    starts = initial_states(model, listed, model.theta(), initial)
     chosen = tuple(
         item
         if isinstance(item, FreeParameter)

@@ -259,7 +259,7 @@ def _reached(model: Model, logs: Sequence[MatchedLog], stiff: bool) -> FloatArra
     count = max(20, log.time.size // 10)
     x0 = initial_states(model, [log], model.theta(), "measured")[0]
     method: dict[str, Any] = {"method": "ros3p", "substeps": 16, "compiled": True} if stiff else {"rtol": 1e-4}
-    run = simulate(model, log.time[:count], log.u[:, :count], _theta(model, log), x0, **method)
+    run = simulate(model, log.time[:count], inputs_of(model, log)[:, :count], _theta(model, log), x0, **method)
     with np.errstate(all="ignore"):
         reached = np.nanmax(np.abs(run.x), axis=1)
     return np.where(np.isfinite(reached), reached, 0.0)

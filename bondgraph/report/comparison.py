@@ -17,6 +17,7 @@ from bondgraph.data.log import FloatArray, Log, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.errors import BondGraphError, OptionError, require_kind, suggest
 from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.inputs_before import with_inputs_before
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.files import write_json
 from bondgraph.filter.filter_model import FilterModel
@@ -30,6 +31,7 @@ from bondgraph.report.simulation import trajectory_log
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.report.thinning import thinned
 from bondgraph.shown import Tabulated, own_axes
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 from bondgraph.text import Table, few, instant, text_table
@@ -240,12 +242,13 @@ def _compared(model: Model, log: MatchedLog, initial: Initial, filter_model: Fil
     theta = model.theta(**dict(log.theta_overrides))
     run, failure, steps = None, "", ""
     try:
+        (log,) = with_inputs_before(model, [log], theta, initial)
         start = initial_states(model, [log], theta, initial)[0]
         method: dict[str, Any] = {}
         if len(log) > _LONG:
             count = simulation_steps(filter_model, log.time)
             method, steps = {"method": integrator(filter_model), "substeps": count}, _said(filter_model, count)
-        run = simulate(model, log.time, log.u, theta, start, compiled=True, **method).raise_if_failed()
+        run = simulate(model, log.time, inputs_of(model, log), theta, start, compiled=True, **method).raise_if_failed()
     except BondGraphError as error:
         run, failure = None, error.message
     channels = []

@@ -12,6 +12,7 @@ import numpy as np
 
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.inputs_before import with_inputs_before
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.files import write_json
 from bondgraph.filter.abstract_run import AbstractRun
@@ -74,7 +75,7 @@ def filter_logs(
     filtered: list[FilteredLog] = []
     tests: list[Misfit] = []
     suspected, refused = list[str](), dict[tuple[str, str], str]()
-    for log in logs:
+    for log in with_inputs_before(model, logs, model.theta(), initial):
         # simulations of their own, which end before anything is kept of a long log
         suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
         suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]

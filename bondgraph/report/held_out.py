@@ -11,6 +11,7 @@ from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free_simulation import left_alone
 from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.inputs_before import with_inputs_before
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.consistency import consistency
 from bondgraph.filter.filter_run import FilterRun
@@ -79,7 +80,7 @@ def held_out_logs(fit: Estimate, logs: Sequence[MatchedLog]) -> tuple[HeldOutLog
     """
     filter_model, model = fit.filter_model, fit.filter_model.model
     found = []
-    for log in logs:
+    for log in with_inputs_before(model, logs, model.theta(), _rule(fit)):
         declared, estimated = (
             run(filter_model, log, theta, x0=initial_states(model, [log], theta, _rule(fit))[0])
             for theta in (model.theta(), fit.theta)

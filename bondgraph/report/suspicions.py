@@ -20,7 +20,7 @@ from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.report.offset_suspicions import offset_suspicions
-from bondgraph.simulate.late import first_inputs
+from bondgraph.simulate.late import first_inputs, inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
@@ -87,7 +87,7 @@ def _answers(filter_model: FilterModel, log: MatchedLog, initial: Initial) -> Fl
     try:
         start = initial_states(model, [log], theta, initial)[0]
         run = simulate(
-            model, log.time, log.u, theta, start,
+            model, log.time, inputs_of(model, log), theta, start,
             method=filter_model.method, substeps=filter_model.substeps, compiled=True,
         )  # fmt: skip
     except BondGraphError:  # no equilibrium or step from a start in another unit: this hypothesis says nothing

@@ -1,10 +1,12 @@
 """Inputs that follow others a fixed time later: what they are along a log, and in a table.
 
-No log holds them. A log tells one from the input that it follows: before the first sample that had its first value.
+No log holds them. A log tells one from the input that it follows: before the first sample that had its first value,
+unless the log knows what it was.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -28,6 +30,10 @@ class Recorded(Protocol):
     @property
     def u(self) -> FloatArray:
         """Inputs; late ones may be missing."""
+
+    @property
+    def before(self) -> Mapping[str, float]:
+        """What inputs were before the first sample, where that is not their first value."""
 
 
 class LateRow(NamedTuple):
@@ -54,16 +60,18 @@ def given_rows(model: Model) -> list[int]:
 
 def inputs_of(model: Model, log: Recorded) -> FloatArray:
     """All inputs of a model along a log (n_u, n), see :func:`complete`."""
-    return complete(model, log.time, log.u)
+    return complete(model, log.time, log.u, log.before)
 
 
 def first_inputs(model: Model, log: Recorded) -> FloatArray:
     """All inputs of a model at the first sample of a log, shape (n_u,)."""
-    return complete(model, log.time[:1], log.u[:, :1])[:, 0]
+    return complete(model, log.time[:1], log.u[:, :1], log.before)[:, 0]
 
 
-def complete(model: Model, time: FloatArray, u: FloatArray) -> FloatArray:
+def complete(model: Model, time: FloatArray, u: FloatArray, before: Mapping[str, float] | None = None) -> FloatArray:
     """All inputs of a model (n_u, n) at times (n,), from those that a log tells by itself; complete ones are kept.
+
+    ``before`` says what inputs were before the first time, by name; others had their first value.
 
     A held input that is late has its mean over each interval, so that what it gives in all is right where the delay is
     no whole number of intervals.
@@ -78,36 +86,39 @@ def complete(model: Model, time: FloatArray, u: FloatArray) -> FloatArray:
     >>> _ = g.inertance("mass", g.parameter("m", 80.0, "kg"), at=body)
     >>> complete(bg.build(g).model, np.arange(4) * 0.5, np.array([[0.0, 2.0, 2.0, 4.0]])).tolist()
     [[0.0, 2.0, 2.0, 4.0], [0.0, 1.0, 2.0, 3.0]]
+    >>> complete(bg.build(g).model, np.arange(3) * 0.25, np.array([[2.0, 2.0, 4.0]]), {"pull": 0.0}).tolist()
+    [[2.0, 2.0, 4.0], [0.0, 2.0, 2.0]]
     """
     given = given_rows(model)
     if len(given) == len(model.inputs) or u.shape[0] != len(given):
         return u
     every = np.empty((len(model.inputs), u.shape[1]))
     every[given] = u
-    for row, source, seconds in late_rows(model):
-        every[row] = _late(model.inputs[source].interpolation, time, every[source], seconds)
     names = model.names("input")
+    for row, source, seconds in late_rows(model):
+        first = (before or {}).get(names[source], float(every[source, 0]))
+        every[row] = _late(model.inputs[source].interpolation, time, every[source], seconds, first)
     for row, info in enumerate(model.inputs):
         if info.rate_of and row not in given:
             every[row] = slopes(time, every[names.index(info.rate_of)])
     return every
 
 
-def _late(way: str, time: FloatArray, values: FloatArray, seconds: float) -> FloatArray:
-    """An input (n,) so many seconds later, at the same times."""
+def _late(way: str, time: FloatArray, values: FloatArray, seconds: float, first: float) -> FloatArray:
+    """An input (n,) so many seconds later, at the same times; ``first`` is what it was before these."""
     if time.size < 2:
-        return values.copy()
+        return np.full_like(values, first) if seconds > 0.0 else values.copy()
     if way == "hold":
         ends = np.append(time, 2.0 * time[-1] - time[-2])  # the last value holds
         whole = np.append(0.0, np.cumsum(values * np.diff(ends)))
-        before = np.minimum(ends - seconds - ends[0], 0.0) * values[0]
+        before = np.minimum(ends - seconds - ends[0], 0.0) * first
         means: FloatArray = np.diff(np.interp(ends - seconds, ends, whole) + before) / np.diff(ends)
         return means
     if way == BAND_LIMITED and is_even(time):
         time_of, values = finer_times(time), finer(values[np.newaxis])[0]
     else:
         time_of = time
-    later: FloatArray = np.interp(time - seconds, time_of, values)
+    later: FloatArray = np.interp(time - seconds, time_of, values, left=first)
     return later
 
 

@@ -8,7 +8,8 @@ from scipy.signal import cont2discrete, lfilter
 
 import bondgraph as bg
 from bondgraph import effects
-from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.correct.declared_fit import fit_declared
+from bondgraph.correct.loop import LoopSettings, close_loop, no_report
 from bondgraph.data.log import MatchedLog
 
 _MASS, _DRAG, _NOISE = 20.0, 8.0, 0.002
@@ -26,12 +27,16 @@ def _cart() -> bg.BondGraph:
 
 
 def _log(held: bool, seed: int, samples: int = 8) -> MatchedLog:
-    """A cart behind a force that is held, or straight, between samples 0.1 s apart: the exact discrete system.
+    """A cart behind a force that is held, or straight, between samples 0.1 s apart.
 
     It has a new level after so many ``samples``.
     """
     chance = np.random.default_rng(seed)
-    force = np.repeat(chance.uniform(-30.0, 30.0, 800 // samples), samples)
+    return _driven(held, np.repeat(chance.uniform(-30.0, 30.0, 800 // samples), samples), chance)
+
+
+def _driven(held: bool, force: np.ndarray, chance: np.random.Generator) -> MatchedLog:
+    """The cart behind a force (n,), by the exact discrete system."""
     system = tuple(np.array([[one]]) for one in (-_DRAG / _MASS, 1.0 / _MASS, 1.0, 0.0))
     a, b, c, d, _ = cont2discrete(system, 0.1, "zoh" if held else "foh")
     speed = lfilter([float(d[0, 0]), float((c @ b - a * d)[0, 0])], [1.0, -float(a[0, 0])], force)
@@ -90,6 +95,23 @@ def test_a_quick_input_that_a_filter_has_passed_is_band_limited() -> None:
     assert closed.nominal.values["m"] == pytest.approx(_MASS, rel=3e-3)
     straight = close_loop(_cart(), [log], [], [effects.actuator_lag], LoopSettings(inputs_as_declared=True))
     assert straight.nominal.nll > closed.nominal.nll + 100.0
+
+
+def test_a_quick_input_that_is_held_is_not_left_band_limited() -> None:
+    """Of a drive whose torque a controller gave every 4 ms band limited was 8 nats likelier than straight, held 3614.
+
+    That was asked no more: half a sample was a lag of the motor, and what it left a mass that friction drags along.
+    """
+    chance, time = np.random.default_rng(2), 0.1 * np.arange(800)
+    phases = chance.uniform(0.0, 2.0 * np.pi, 24)
+    force = 8.0 * np.cos(2.0 * np.pi * np.linspace(0.2, 1.0, 24)[:, np.newaxis] * time + phases[:, np.newaxis]).sum(
+        axis=0
+    )
+    log = _driven(True, force, chance)
+    begun = fit_declared(_cart(), [log], [], LoopSettings(), no_report)
+    assert begun.running("band limited") == ("force",) and [one.way for one in begun.straight] == ["hold"]
+    closed = close_loop(_cart(), [log], [], [effects.actuator_lag, effects.dragged_mass], LoopSettings())
+    assert closed.verdict == "no missing effect" and (closed.held, closed.limited) == (("force",), ())
 
 
 def test_inputs_stay_as_declared_where_that_is_asked_for() -> None:

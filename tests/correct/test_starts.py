@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from bondgraph import effects
@@ -14,8 +17,10 @@ from bondgraph.declare.effect import Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.objective import Expansion, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from vehicle_graphs.effect_study.cases import Case
@@ -64,6 +69,25 @@ def test_logs_of_which_no_start_was_estimated_are_filtered_as_before(with_play: 
     assert own.nll < with_play.runs(drawn.train)[0].nll - 30.0
     (other,) = found.runs(drawn.holdout)
     assert other.predicted_cov[2, 2, 0] == pytest.approx(with_play.runs(drawn.holdout)[0].predicted_cov[2, 2, 0])
+
+
+def test_other_logs_begin_where_the_fitted_ones_did(with_play: Fit) -> None:
+    """Of a cell both runs began full, 4130 C below the declared charge: a third one was thought to be empty."""
+    first = with_play.problem.logs[0]
+    second, third = (replace(first, name=name) for name in ("again", "later"))
+    own = [one for one in with_play.problem.free if one.target.kind == "parameter"]
+    middle, std = 0.01, 0.05
+    freed = [FreeParameter(f"x0({STATE}, {log.name})", -1.0, 1.0, middle, 0.0, std) for log in (first, second)]
+    problem = EstimationProblem(with_play.problem.filter_model, (first, second), (*own, *freed))
+    point = np.concatenate([with_play.point[: len(own)], [0.012, 0.008]])
+    expansion = Expansion(np.zeros(point.size), np.diag(np.full(point.size, 1e12)), 0)
+    found = Fit(problem, point, 0.0, expansion, 0, SearchOutcome.CONVERGED)
+    mean, spread = found.begun[STATE]
+    assert (mean, spread) == pytest.approx((0.01, np.std([0.012, 0.008], ddof=1) * np.sqrt(1.5)))
+    (run,) = found.runs([third])
+    row = run.filter_model.model.index("state", STATE)
+    assert run.filter_model.initial_std[STATE] == pytest.approx(spread)
+    assert run.predicted_mean[row, 0] == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize("doubted", [1e-3, 2.0], ids=["as it is", "doubted"])

@@ -17,7 +17,7 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Integral, Start
-from bondgraph.declare.revision import revise_start
+from bondgraph.declare.revision import revise_initial, revise_start
 from bondgraph.derive.equations import State
 from bondgraph.errors import DeclarationError
 from bondgraph.estimate.initial import directly_measured
@@ -62,6 +62,19 @@ def with_declared_starts(
         if start is None or not _declared(graph, owned[name], start):
             left.append(name)
     return (build(graph) if len(left) < len(due) else built), tuple(left)
+
+
+def with_estimated_starts(built: BuiltModel, begun: Mapping[str, float]) -> BuiltModel:
+    """The model whose graph lets states start at the numbers where they began in logs, by name, as far as it can."""
+    owned = {state.symbol.name: state for state in built.equations.states}
+    graph, revised = copy(built.graph), False
+    for name, value in begun.items():
+        try:
+            revise_initial(graph, owned[name].element, value)
+        except DeclarationError:
+            continue
+        revised = True
+    return build(graph) if revised else built
 
 
 def start_cautions(states: Sequence[str]) -> list[str]:
