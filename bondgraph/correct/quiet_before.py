@@ -53,8 +53,9 @@ def simulated_better(
             beaten = beaten or errors[0] < errors[2]
     if not said:
         return []
-    than = ", and better than the corrected model does" if beaten else ""
+    than = "and than the corrected model does" if beaten else "though not than the corrected model does"
     kind = ("training", "held-out")[which]
     return [
-        f"fitted without process noise the declared model itself simulates the {kind} logs better{than}: {few(said)}"
+        f"fitted without process noise the declared model simulates the {kind} logs better than the column before "
+        f"says, {than}: {few(said)}"
     ]

@@ -24,7 +24,7 @@ _NEAR = 1e-7
 _CLOSE = 1e-9
 #: A curve that is flatter than this share of its slope where the search began tells nothing: a sensor at its ceiling, a
 #: spring inside its gap. A convention.
-_FLAT = 1e-2
+FLAT = 1e-2
 #: A difference in a state from which its second derivatives are taken, as a share of its value.
 _APART = 1e-5
 
@@ -142,7 +142,7 @@ def inverted(
                 break
             last = bool((np.abs(value - shown) <= _NEAR * _size(value, slope, x)).all())
         met = np.abs(value - shown) <= _CLOSE * _size(value, slope, x)
-        told = met & (np.abs(slope) > _FLAT * steep)
+        told = met & (np.abs(slope) > FLAT * steep)
     return np.where(told, x, np.nan), slope
 
 

@@ -18,7 +18,7 @@ from bondgraph.estimate.free import Target
 from bondgraph.estimate.initial import InitialRule, at_parameters, directly_measured, first_measured, first_shown
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.shown_by_curves import bends, inverted, single_state
+from bondgraph.estimate.shown_by_curves import FLAT, bends, inverted, single_state
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.late import first_inputs
 from bondgraph.simulate.model import Model
@@ -90,7 +90,8 @@ class ShownStarts:
             shows = self.model.output(*self._at(theta, there))[one.output]
             return shows, self._by_states(theta, there)[one.output, one.state]
 
-        return np.nan_to_num(inverted(curve, np.zeros(x0.shape[1]), one.value)[0], nan=0.0)
+        found, slope = inverted(curve, np.zeros(x0.shape[1]), one.value)
+        return np.where(np.isfinite(found) & (np.abs(slope) > FLAT * abs(one.slope)), found, 0.0)
 
     def widths(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
         """How uncertain these states are, as multiples (n_x, members) of what was said: the output is as much as ever.
@@ -101,7 +102,8 @@ class ShownStarts:
         with np.errstate(all="ignore"):
             slopes = self._by_states(theta, x0)
             for one in self.shown:
-                found[one.state] = np.abs(one.slope / slopes[one.output, one.state])
+                ratio = np.abs(one.slope / slopes[one.output, one.state])
+                found[one.state] = np.where(ratio < 1.0 / FLAT, ratio, 1.0) if one.curved else ratio
         return found
 
     def slopes(self, theta: FloatArray, x0: FloatArray, turned: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -121,6 +123,8 @@ class ShownStarts:
             away[one.state] = 1.0
             with np.errstate(all="ignore"):
                 by_state = float(self._by_states(theta, x0)[one.output, one.state, 0])
+                if one.curved and not abs(by_state) > FLAT * abs(one.slope):
+                    continue  # it tells nothing there, and the start stays
                 here, there = (
                     self.model.jacobian_theta(*self._at(theta, at), "output")[one.output, :, 0] @ turned
                     for at in (x0, x0 + self._followed(away))

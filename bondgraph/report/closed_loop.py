@@ -56,7 +56,11 @@ def report_data(
         located=tuple(Located(at.junction, at.variable, at.p_value, at.share) for at in closed.rounds[0].located[:8]),
         alternatives=tuple(tried(closed)),
         parameters=parameter_changes(
-            model, closed.nominal.values, closed.corrected.values, ci95, resting(closed.corrected)
+            model,
+            _declared(closed) | dict(closed.nominal.values),
+            closed.corrected.values,
+            ci95,
+            resting(closed.corrected),
         ),
         power=tuple(_power(closed)),
         history=tuple(Step(one.round, one.action, one.what, one.why) for one in closed.history),
@@ -64,6 +68,11 @@ def report_data(
         notes=(*said, *_notes(closed)),
         made=made,
     )
+
+
+def _declared(closed: ClosedLoop) -> dict[str, float]:
+    """Values of all parameters of the declared model."""
+    return {info.name: info.value for info in closed.nominal_built.model.parameters}
 
 
 def all_series(closed: ClosedLoop) -> tuple[ChannelSeries, ...]:

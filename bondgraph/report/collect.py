@@ -216,10 +216,13 @@ def parameter_changes(
     ci95: Mapping[str, tuple[float, float]],
     at_bound: Sequence[str] = (),
 ) -> tuple[ParameterChange, ...]:
-    """The estimated parameters of a model, in its order; what is not a parameter (noise levels, states) is left out."""
+    """The estimated parameters of a model, in its order; what is not a parameter (noise levels, states) is left out.
+
+    One that is not named ``before`` was not there: it has no value then.
+    """
     return tuple(
         ParameterChange(
-            info.name, info.display_unit, info.shown(before.get(info.name, info.value)), info.shown(after[info.name]),
+            info.name, info.display_unit, info.shown(before.get(info.name, float("nan"))), info.shown(after[info.name]),
             _shown_interval(info, ci95), info.name in at_bound, info.meaning,
         )
         for info in model.parameters

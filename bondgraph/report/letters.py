@@ -19,7 +19,7 @@ _LETTERS = {
 #: The same of single laws, by their names: half of a play is b in one and g in others.
 _OF_EFFECT = {("backlash", "gap"): "b", ("dead zone", "dead"): "b"}
 #: Springs that get stiffer with their deflection, which a negative coefficient turns round.
-_STIFFENING = (
+STIFFENING = (
     "progressive_spring", "hardening_spring", "stiffening_volume", "narrowing_tank", "voltage_dependent_capacitance",
     "charge_dependent_capacitance",
 )  # fmt: skip
@@ -81,6 +81,6 @@ def softening(name: str, coefficients: Sequence[Coefficient]) -> str:
     >>> softening("hardening_spring", [Coefficient("c", 3.0, "N/m^3", (2.0, 4.0))])
     ''
     """
-    if name not in _STIFFENING or not coefficients or not coefficients[0].value < 0.0:
+    if name not in STIFFENING or not coefficients or not coefficients[0].value < 0.0:
         return ""
     return "c is negative: it softens as it deflects"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import INDIFFERENT
+from bondgraph.correct.fits.assess import ChannelError
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.report.numbers import shown
 from bondgraph.text import few
@@ -47,6 +49,8 @@ def _changed(told: Confirmation) -> str:
     if told.laws is None:
         return f"the log-likelihood of the held-out logs changes {whole}"
     laws = f"by {shown(told.laws.gain)} ± {shown(told.laws.error)} nats"
+    if laws == whole:
+        return f"the laws change the log-likelihood of the held-out logs {laws}, the disturbance adds nothing to that"
     return (
         f"the laws change the log-likelihood of the held-out logs {laws} beside the disturbance, which is in both "
         f"models then; together with it they change it {whole}"
@@ -54,22 +58,32 @@ def _changed(told: Confirmation) -> str:
 
 
 def worse_simulated(closed: ClosedLoop) -> list[str]:
-    """A sentence for the headline, where free simulation of held-out logs gets clearly worse by what was added."""
-    worse = clearly_worse(closed)
-    if not worse or closed.verdict == "effect not confirmed":
+    """Sentences for the headline, where free simulation of logs gets clearly worse by what was added.
+
+    Of training logs where the noise of the sensor is left behind, too.
+    """
+    if closed.verdict == "effect not confirmed" or not (closed.added or closed.disturbances or closed.constants):
         return []
-    what = _added(closed)
-    return [f"Free simulation of the held-out logs is worse with the {what}: {few(worse)}."]
+    what, last = _added(closed), closed.corrected_train.channels
+    grown = _grown(closed.nominal_train.channels, last)
+    seen = [name for name in grown if last[name].simulation_rmse > 2.0 * _noise(closed, name, last[name].noise_std)]
+    training = [f"{name} (+{grown[name]} %)" for name in seen if grown[name] > _CLEARLY]
+    kinds = {"held-out": clearly_worse(closed), "training": training}
+    return [
+        f"Free simulation of the {kind} logs is worse with the {what}: {few(worse)}."
+        for kind, worse in kinds.items()
+        if worse
+    ]
 
 
 def clearly_worse(closed: ClosedLoop) -> list[str]:
     """Channels whose free simulation on held-out logs gets worse by more than a few percent, with how much."""
-    return [f"{name} (+{percent} %)" for name, percent in _grown(closed).items() if percent > _CLEARLY]
+    grown = _grown(closed.nominal_holdout.channels, closed.corrected_holdout.channels)
+    return [f"{name} (+{percent} %)" for name, percent in grown.items() if percent > _CLEARLY]
 
 
-def _grown(closed: ClosedLoop) -> dict[str, int]:
-    """Growth of the errors of free simulation on held-out logs in percent, as the table shows it; those that grow."""
-    before, after = closed.nominal_holdout.channels, closed.corrected_holdout.channels
+def _grown(before: Mapping[str, ChannelError], after: Mapping[str, ChannelError]) -> dict[str, int]:
+    """Growth of the errors of free simulation in percent, as the table shows it; those that grow."""
     return {
         name: round(100.0 * (one.simulation_rmse / before[name].simulation_rmse - 1.0)) for name, one in after.items()
         if 0.0 < before[name].simulation_rmse < one.simulation_rmse < math.inf
@@ -108,7 +122,8 @@ def _noise(closed: ClosedLoop, channel: str, white: float) -> float:
 
 def _wandering(closed: ClosedLoop) -> str:
     """A sentence on free simulation that gets worse beside a likelihood that does not; empty where none does."""
-    worse = [f"{name} (+{percent} %)" for name, percent in _grown(closed).items() if percent]
+    grown = _grown(closed.nominal_holdout.channels, closed.corrected_holdout.channels)
+    worse = [f"{name} (+{percent} %)" for name, percent in grown.items() if percent]
     if worse and closed.corrected.driven > INDIFFERENT:
         return (
             f" Free simulation is worse there in {few(worse)}: it does not follow what drives the machine at random, "

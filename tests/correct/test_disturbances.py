@@ -122,7 +122,13 @@ def test_free_simulation_that_gets_worse_beside_a_confirmation_is_explained(monk
     assert f"Free simulation is worse there in {name} (+50 %): it does not follow" in held_out(worse, sure)
     assert held_out(worse, sure).startswith("The held-out logs confirm the disturbance one step ahead, but not in free")
     assert f"Free simulation of the held-out logs is worse with the disturbance: {name} (+50 %)." in explanation(worse)
-    same = replace(found, corrected_holdout=found.nominal_holdout)
+    trained, *_ = found.nominal_train.logs
+    grown = {name: replace(one, simulation_rmse=3.0 * one.simulation_rmse) for name, one in trained.channels.items()}
+    before = Assessment((trained,))
+    after = Assessment((replace(trained, channels=grown),))
+    said = explanation(replace(found, nominal_train=before, corrected_train=after))
+    assert f"Free simulation of the training logs is worse with the disturbance: {name} (+200 %)." in said
+    same = replace(found, corrected_holdout=found.nominal_holdout, corrected_train=found.nominal_train)
     assert "Free simulation" not in explanation(same)
     assert "Free simulation is worse" not in held_out(same, sure) and "may hide a law" in held_out(same, sure)
     doubted = held_out(worse, replace(sure, gain=-10.0))

@@ -66,6 +66,15 @@ def test_a_form_of_its_own_is_named_with_how_far_it_is_from_its_name() -> None:
     closed = close_loop(sled(), [log], [], (effects.quadratic_loss,))
     (found,) = closed.added
     assert headline_name(closed, found) == "quadratic_loss at runner"
+    candidate, row = found.trial.candidate, closed.corrected.problem.names.index(found.coefficients[0])
+    spring = replace(found, trial=replace(found.trial, candidate=replace(
+        candidate, effect=replace(candidate.effect, name="hardening_spring")
+    )))  # fmt: skip
+    assert "softens" not in headline_name(closed, spring)
+    negative = closed.corrected.point.copy()
+    negative[row] = -1.0
+    turned = replace(closed, corrected=replace(closed.corrected, point=negative))
+    assert headline_name(turned, spring).endswith("hardening_spring at runner, which softens")
     whole = replace(found, trial=joined(found.trial, found.trial))  # twice the same is the same curve
     assert headline_name(closed, whole) == "quadratic_loss at runner in a form of its own"
     far = replace(closed, added=(whole,))

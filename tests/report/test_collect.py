@@ -93,7 +93,7 @@ def test_bands_of_the_filtered_states_hold_the_truth(log: MatchedLog) -> None:
 def test_only_parameters_of_the_model_become_rows() -> None:
     rows = parameter_changes(
         pendulum(),
-        {"damping": 0.1},
+        {"damping": 0.1, "length": 1.0},
         {"noise(deflection)": 0.01, "damping": 0.41, "length": 1.02},
         {"damping": (0.38, 0.44)},
         at_bound=("length",),
@@ -103,6 +103,8 @@ def test_only_parameters_of_the_model_become_rows() -> None:
         ("damping", 0.1, 0.41, False),
     ]
     assert rows[1].ci95 == (0.38, 0.44)
+    (new,) = parameter_changes(pendulum(), {}, {"length": 1.02}, {})  # the coefficient of a law that was not there
+    assert np.isnan(new.before)
     assert np.isnan(rows[0].ci95).all()
 
 
