@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import bondgraph as bg
+from bondgraph.correct.cautions import begun_with
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.functions import delay
 from bondgraph.estimate.inputs_before import with_inputs_before
@@ -62,6 +63,14 @@ def test_an_input_that_begins_with_a_log_was_nothing_before() -> None:
     assert dict(log.rows(log.time > 1.0).before) == {}  # a part of a log begins in the middle of a run
     (same,) = with_inputs_before(model, [log], model.theta(), "measured")
     assert same is log
+
+
+def test_a_correction_says_what_it_takes_an_input_for_before_its_logs() -> None:
+    model = bg.build(dryer(_LATE)).model
+    logs = with_inputs_before(model, [heated(1), heated(2)], model.theta(), "measured")
+    (said,) = begun_with(model, logs)
+    assert said.startswith("power begins with the logs: before them it is taken as 0, ")
+    assert begun_with(bg.build(dryer()).model, logs) == []  # nothing follows it late
 
 
 def test_a_machine_that_has_run_had_its_first_input_before() -> None:
