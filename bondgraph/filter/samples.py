@@ -42,10 +42,6 @@ class MeasuredLog(Protocol):
     def theta_overrides(self) -> Mapping[str, float]:
         """Parameters known for this log, by name."""
 
-    @property
-    def before(self) -> Mapping[str, float]:
-        """What inputs were before the first sample, where that is not their first value."""
-
 
 @dataclass(frozen=True, repr=False)
 class Samples:

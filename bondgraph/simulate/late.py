@@ -31,10 +31,6 @@ class Recorded(Protocol):
     def u(self) -> FloatArray:
         """Inputs; late ones may be missing."""
 
-    @property
-    def before(self) -> Mapping[str, float]:
-        """What inputs were before the first sample, where that is not their first value."""
-
 
 class LateRow(NamedTuple):
     """A late input: its row, that of the input that it follows, and how many seconds later."""
@@ -60,12 +56,17 @@ def given_rows(model: Model) -> list[int]:
 
 def inputs_of(model: Model, log: Recorded) -> FloatArray:
     """All inputs of a model along a log (n_u, n), see :func:`complete`."""
-    return complete(model, log.time, log.u, log.before)
+    return complete(model, log.time, log.u, _before(log))
 
 
 def first_inputs(model: Model, log: Recorded) -> FloatArray:
     """All inputs of a model at the first sample of a log, shape (n_u,)."""
-    return complete(model, log.time[:1], log.u[:, :1], log.before)[:, 0]
+    return complete(model, log.time[:1], log.u[:, :1], _before(log))[:, 0]
+
+
+def _before(log: Recorded) -> Mapping[str, float]:
+    """What inputs were before the first sample of a log that knows it; nothing of one that has no such field."""
+    return getattr(log, "before", {})
 
 
 def complete(model: Model, time: FloatArray, u: FloatArray, before: Mapping[str, float] | None = None) -> FloatArray:

@@ -111,7 +111,7 @@ def test_short_logs_have_one_part(samples: int) -> None:
 
 
 def test_the_front_door_smooths_long_logs_and_says_how() -> None:
-    smoothed = bg.filter_log(SWING, log(), keep="smoothed")
+    smoothed = bg.filter_log(SWING, log(), keep="smoothed", initial="model")
     assert isinstance(smoothed, SmootherBands)
     same_smoothed(smoothed, smooth(run(SWING, log())))
     with pytest.raises(FilterError, match=r"bands have no covariances.* keep 'smoothed'"):
