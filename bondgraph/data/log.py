@@ -256,8 +256,9 @@ class MatchedLog:
 
     def rows(self, chosen: npt.NDArray[np.bool_]) -> MatchedLog:
         """The log at the chosen rows only, shape (n,) of truth values."""
-        before = self.before if chosen.size and chosen[0] else {}
-        return replace(self, time=self.time[chosen], u=self.u[:, chosen], y=self.y[:, chosen], before=before)
+        time = self.time[chosen]
+        before = self.before if time.size and time[0] == self.time[0] else {}  # of a later part it is not known
+        return replace(self, time=time, u=self.u[:, chosen], y=self.y[:, chosen], before=before)
 
 
 def _extent(time: FloatArray) -> str:
