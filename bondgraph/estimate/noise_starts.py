@@ -90,7 +90,7 @@ def matched_levels(problem: EstimationProblem, point: FloatArray) -> FloatArray:
     >>> log = MatchedLog("rest", np.arange(40) * 0.05, np.zeros((1, 40)), 10.0 * np.sin(np.arange(40.0))[np.newaxis])
     >>> problem = pose(swing, log, ["std(deflection)"])
     >>> float(problem.values(matched_levels(problem, problem.start))[0].round(1))
-    7.0
+    7.1
     """
     outputs = problem.filter_model.model.names("output")
     levels = [(k, outputs.index(one.target.name)) for k, one in enumerate(problem.free) if one.target.kind == "std"]

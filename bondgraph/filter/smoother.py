@@ -215,7 +215,7 @@ def smoothed_start(run: FilterRun, until: float) -> FloatArray:
     >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), np.sin(3.1 * time)[np.newaxis])
     >>> filtered = bg.filter_log(swing, log, compiled=False)
     >>> float(filtered.mean("rate")[0]), round(float(smoothed_start(filtered, 0.2)[1]), 1)
-    (0.0, 2.9)
+    (0.0, 3.2)
     """
     size = int(np.count_nonzero(run.time <= until))
     mean, cov = run.filtered_mean[:, :size].copy(), run.filtered_cov[..., :size].copy()

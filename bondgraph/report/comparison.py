@@ -191,7 +191,7 @@ def compare(
     >>> log = bg.MatchedLog("swing", time, np.zeros((1, 60)), 0.45 * np.cos(3.1 * time)[np.newaxis])
     >>> compared = bg.compare(pendulum(), log)
     >>> compared
-    <Compared pendulum: fit of swing: deflection 93.9 %>
+    <Compared pendulum: fit of swing: deflection 92.4 %>
     >>> compared.runs[0].errors[0].rms < 0.1
     True
     >>> compared.plot("deflection").get_title()

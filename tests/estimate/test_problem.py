@@ -71,6 +71,8 @@ def test_measured_states_start_at_their_first_measurement() -> None:
     assert [float(x0[0]) for x0 in measured] == pytest.approx([LOGS[1].y[0, 0], LOGS[1].y[0, 2]])
     assert [float(x0[0]) for x0 in initial_states(model, LOGS, model.theta(), "model")] == [0.0, 0.0]
     late.y[0, :30] = np.nan
+    assert initial_states(model, [late], model.theta(), "measured")[0] == pytest.approx([late.y[1, 0] / 30.0])
+    late.y[1, :30] = np.nan  # what one sensor does not show in time another may
     assert initial_states(model, [late], model.theta(), "measured")[0] == [0.0]
     assert initial_states(model, LOGS, model.theta(), ({"v": 1.5}, {}))[0] == [1.5]
     with pytest.raises(EstimationError, match="given for 1 logs of 2"):
