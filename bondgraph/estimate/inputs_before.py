@@ -1,4 +1,4 @@
-"""What inputs were before a log begins: their first value, or what they are where nothing is given.
+"""Inputs before a log begins: at their first value, or at what they are where nothing is given.
 
 A log of a step often begins with the step: a heater is on from the first sample, and all is still cold. A law by which
 its command acts late asks what the command was before, and with the first value a cold machine has been heated for

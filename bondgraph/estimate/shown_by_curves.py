@@ -20,7 +20,7 @@ from bondgraph.simulate.model import Model
 _MOST_STEPS = 50
 #: Where a step would change less than this share of what is shown, the next one is exact.
 _NEAR = 1e-7
-#: What the curve may still differ from the measurement, as a share of it: rounding of long laws.
+#: Difference that may be left between curve and measurement, as a share of it: rounding of long laws.
 _CLOSE = 1e-9
 #: A curve that is flatter than this share of its slope where the search began tells nothing: a sensor at its ceiling, a
 #: spring inside its gap. A convention.

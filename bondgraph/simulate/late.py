@@ -65,7 +65,7 @@ def first_inputs(model: Model, log: Recorded) -> FloatArray:
 
 
 def _before(log: Recorded) -> Mapping[str, float]:
-    """What inputs were before the first sample of a log that knows it; nothing of one that has no such field."""
+    """Inputs before the first sample of a log that knows them; none of one that has no such field."""
     return getattr(log, "before", {})
 
 

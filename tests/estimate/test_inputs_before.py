@@ -1,4 +1,4 @@
-"""What inputs were before a log that begins with a step."""
+"""Inputs before a log that begins with a step."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 from bondgraph.estimate.objective import BoolArray, Expansion, FloatArray, Objective, Terms, over_terms
 from bondgraph.estimate.symmetric import informed, scaled_eigen
 
-#: What is nearer to a wall than this share of the box's width is at it: the draws of a swarm end beside walls, not at
+#: Share of the box's width within which a coordinate is at its wall: the draws of a swarm end beside walls, not at
 #: them. A gradient of a thousand nats over the whole width gains a millionth of one nat on that way.
 _AT_WALL = 1e-9
 
