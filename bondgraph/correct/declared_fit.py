@@ -120,15 +120,17 @@ class Between:
 
 @dataclass(frozen=True)
 class OtherwiseAfterAll:
-    """Inputs that run another way between samples after all, ``nats`` likelier than straight lines beside a law.
+    """Inputs that run another way between samples after all, ``nats`` likelier than as they did, beside a law.
 
     ``beside`` is false where that way alone does as much as the law. ``pieces`` are inputs that are constant in pieces.
+    ``than`` says in words how they ran before.
     """
 
     inputs: Between
     nats: float
     beside: bool
     pieces: tuple[str, ...]
+    than: str = "straight lines"
 
 
 def fit_declared(
@@ -160,8 +162,8 @@ def fit_declared(
         if other is not None and other.fit.nll < found.fit.nll - INDIFFERENT:
             nats = found.fit.nll - other.fit.nll
             said = _said(OtherwiseAfterAll(inputs, nats, False, pieces))
-            held = tuple(sets) if inputs == curved else ()  # a law may show quick inputs to be held
-            found = replace(other, cautions=(said,), straight=tuple(one for one in held if one.names), pieces=pieces)
+            held = tuple(one for one in sets if one.names and inputs == curved)  # a law may show quick ones to be held
+            found = replace(other, cautions=(said,), straight=held, pieces=pieces)
             break
     report("fit the declared model", 1, 1)
     return found
@@ -205,15 +207,15 @@ def otherwise_after_all(
     model all ways are compared again, of inputs that move at every sample too, which a controller may give; and a law
     that does no more than another way alone is none.
     """
-    found = []
+    found, than = [], "band limited" if begun.running("band limited") else "straight lines"
     for inputs in begun.straight:
         alone = _otherwise(*before, inputs.ways, journal)
         if before[0].nll + alone < after[0].nll + INDIFFERENT:
-            found.append(OtherwiseAfterAll(inputs, -alone, False, begun.pieces))
+            found.append(OtherwiseAfterAll(inputs, -alone, False, begun.pieces, than))
             continue
         beside = _otherwise(*after, inputs.ways, journal)
         if beside < -INDIFFERENT:
-            found.append(OtherwiseAfterAll(inputs, -beside, True, begun.pieces))
+            found.append(OtherwiseAfterAll(inputs, -beside, True, begun.pieces, than))
     return max(found, key=lambda one: one.nats, default=None)
 
 
@@ -238,7 +240,7 @@ def _said(after: OtherwiseAfterAll) -> str:
     advice = "hold=True for what a controller gives" if held else "between='band limited' for what a filter has passed"
     return (
         f"{few(list(names))} {said}{verb} taken as {after.inputs.words} between samples, {number(after.nats)} nats "
-        f"likelier than straight lines{beside} - declare {advice}, or say --inputs-between linear for what was measured"
+        f"likelier than {after.than}{beside} - declare {advice}, or say --inputs-between linear for what was measured"
     )
 
 

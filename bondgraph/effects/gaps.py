@@ -22,7 +22,7 @@ from bondgraph.effects.storages import Spring, spring_at
 
 _SURVEY = "Nordin, Gutman (2002), Automatica 38(10)"
 _MANOEUVRE = "loads that change their sign"
-#: Shares of the displacement of a spring at the effort of its place with which a gap begins.
+#: Gaps from which a search begins, as shares of the largest: half a decade apart, so that one is near. A convention.
 _AMPLITUDES = (0.03, 0.1, 0.3)
 
 
@@ -52,8 +52,8 @@ def clearance(g: BondGraph, at: Place) -> Effect | None:
     for node in dampers:
         revise_laws(g, node.name, lambda laws: {"effort": laws["effort"] * (1 - clip(open_by / w, 0, 1))})
     return Effect(
-        "clearance", spring.name, "as backlash, and no damping where |displacement| < b", (gap.name,),
-        amplitudes=_AMPLITUDES, widths=(w.name,), reference=_SURVEY, manoeuvre=_MANOEUVRE,
+        "clearance", spring.name, "effort = k*(displacement - clip(displacement, -b, b)), no damping inside",
+        (gap.name,), amplitudes=_AMPLITUDES, widths=(w.name,), reference=_SURVEY, manoeuvre=_MANOEUVRE,
     )  # fmt: skip
 
 

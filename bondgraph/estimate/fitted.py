@@ -14,7 +14,7 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import BoolArray, Expansion, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import unknown_drives
-from bondgraph.estimate.solvers.steps import newton_decrement
+from bondgraph.estimate.solvers.steps import held_at_walls, newton_decrement
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
@@ -61,11 +61,7 @@ class Fit:
     @property
     def held(self) -> BoolArray:
         """Which coordinates rest on a bound beyond which the likelihood would still rise, shape (n,)."""
-        near = 1e-9 * (self.problem.upper - self.problem.lower)
-        gradient = self.expansion.gradient
-        low = (self.point <= self.problem.lower + near) & (gradient > 0.0)
-        held: BoolArray = low | ((self.point >= self.problem.upper - near) & (gradient < 0.0))
-        return held
+        return held_at_walls(self.problem, self.point, self.expansion.gradient)
 
     @property
     def theta(self) -> FloatArray:

@@ -178,7 +178,7 @@ def first_shown(
     x0, held = (model.x0(theta), np.zeros(len(model.states), dtype=np.bool_)) if known is None else known
     measured = {o: value for o in range(len(model.outputs)) if (value := first_measured(log, o)) is not None}
     found = {
-        o: OnCurve(state, (measured[o] - offset) / slope, slope)
+        o: OnCurve(state, (measured[o] - offset) / slope, slope, straight=True)
         for o, (state, slope, offset) in directly_measured(model, u, theta, follows, known).items()
         if o in measured
     }

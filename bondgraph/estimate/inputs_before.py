@@ -1,4 +1,4 @@
-"""Inputs before a log begins: at their first value, or at what they are where nothing is given.
+"""Inputs before a log begins: at their first value, or at their declared default.
 
 A log of a step often begins with the step: a heater is on from the first sample, and all is still cold. A law by which
 its command acts late asks what the command was before, and with the first value a cold machine has been heated for
@@ -18,18 +18,18 @@ from bondgraph.estimate.objective import FloatArray
 from bondgraph.simulate.late import first_inputs, given_rows, late_rows
 from bondgraph.simulate.model import Model
 
-#: A machine is at rest without an input where its states change by less than this share of what the input adds to that:
-#: nearer to rest than to half-way. A convention.
+#: Share of the rates that an input adds, below which the rates without it count as rest. Nearer to rest than to
+#: half-way: a convention.
 _AT_REST = 0.25
 
 
 def with_inputs_before(
     model: Model, logs: Sequence[MatchedLog], theta: FloatArray, rule: Initial, *, whatever_follows: bool = False
 ) -> tuple[MatchedLog, ...]:
-    """The logs, each with the inputs that began with it: before it they were what they are where nothing is given.
+    """The logs, each with its inputs that began with it; before it these have their declared default.
 
-    An input began with a log where the machine, as it was measured at the first sample, is at rest without it and not
-    with it: all states that the input drives. What a log knows already stays.
+    An input began with a log where all states that it drives are at rest without it, and not with it. States are those
+    of the first sample. Inputs of which a log knows already what they were stay as they are.
 
     Parameters
     ----------

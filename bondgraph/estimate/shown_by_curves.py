@@ -18,24 +18,29 @@ from bondgraph.simulate.model import Model
 #: Steps after which the search for a point of a curve is given up: one that is nearly straight takes four, one whose
 #: slope changes a thousandfold a dozen.
 _MOST_STEPS = 50
-#: Where a step would change less than this share of what is shown, the next one is exact.
+#: Where less than this share is left, the next step is exact: its square, which Newton leaves, is below rounding.
 _NEAR = 1e-7
 #: Difference that may be left between curve and measurement, as a share of it: rounding of long laws.
 _CLOSE = 1e-9
 #: A curve that is flatter than this share of its slope where the search began tells nothing: a sensor at its ceiling, a
 #: spring inside its gap. A convention.
 FLAT = 1e-2
-#: A difference in a state from which its second derivatives are taken, as a share of its value.
+#: Difference of a state for second derivatives, as a share of it: the cube root of rounding, where central differences
+#: err least (Nocedal and Wright 2006, section 8.1). A state at zero moves by its square.
 _APART = 1e-5
 
 
 @dataclass(frozen=True)
 class OnCurve:
-    """A state that an output shows: its position, where it is, and the output's slope there."""
+    """A state that an output shows: its position, its value, and the output's slope there.
+
+    ``straight``: the slope is the same everywhere.
+    """
 
     state: int
     value: float
     slope: float
+    straight: bool = False
 
 
 def shown_by_curves(

@@ -75,9 +75,8 @@ class ShownStarts:
             shows = self.model.output(*self._at(theta, x0))
             slopes = self._by_states(theta, x0)
             for one in self.shown:
-                moved[one.state] = (one.value - shows[one.output]) / slopes[one.output, one.state]
-                if one.curved:
-                    moved[one.state] = self._along_curve(one, theta, x0)
+                step = (one.value - shows[one.output]) / slopes[one.output, one.state]
+                moved[one.state] = self._along_curve(one, theta, x0) if one.curved else step
         return x0 + self._followed(moved)
 
     def _along_curve(self, one: ShownStart, theta: FloatArray, x0: FloatArray) -> FloatArray:
@@ -262,17 +261,19 @@ def shown_starts(
     if jacobian is not None and own.intersection(map(int, jacobian.columns)):
         pairs = zip(jacobian.rows, jacobian.columns, strict=True)
         translated = {int(row) for row, column in pairs if int(column) in own}
-        begun_there = (one for one in _begun_at_outputs(model, log, said, moved, follows) if one.output in translated)
-        found = list(filter(None, (_anywhere(one, model, log, _moved(model, own), follows) for one in begun_there)))
+        away = directly_measured(model, first_inputs(model, log), _moved(model, own), follows)
+        straight = {output: state for output, (state, _, _) in away.items()}
+        here = [one for one in _begun_at_outputs(model, log, said, moved, follows) if one.output in translated]
+        found = list(filter(None, (_anywhere(one, model, straight.get(one.output), follows) for one in here)))
     return ShownStarts(model, log, tuple(found), lines if found or moving else (), moving)
 
 
-def _anywhere(
-    one: ShownStart, model: Model, log: MatchedLog, away: FloatArray, follows: Mapping[str, Follow]
-) -> ShownStart | None:
-    """A shown start as it is at other parameters too: on a line, on a curve, or None where other states act there."""
-    straight = directly_measured(model, first_inputs(model, log), away, follows)
-    if not one.curved and straight.get(one.output, (None,))[0] == one.state:
+def _anywhere(one: ShownStart, model: Model, straight: int | None, follows: Mapping[str, Follow]) -> ShownStart | None:
+    """A shown start as it is at other parameters too, or None where other states act there.
+
+    ``straight`` is the state that its output shows by a line at these parameters.
+    """
+    if not one.curved and straight == one.state:
         return one
     alone = single_state(model, one.output, np.zeros(len(model.states), dtype=np.bool_), follows)
     return replace(one, curved=True) if alone == one.state else None
@@ -327,10 +328,9 @@ def _begun_at_outputs(
     elsewhere = {
         model.index("state", name) for name in (*_free_starts(log, free), *(one.state for one in model.starts))
     }
-    straight = directly_measured(model, first_inputs(model, log), theta, follows)
     found = []
     for output, one in first_shown(model, log, theta, follows).items():
         value = first_measured(log, output)
         if one.state not in elsewhere and value is not None:
-            found.append(ShownStart(one.state, output, value, one.slope, output not in straight))
+            found.append(ShownStart(one.state, output, value, one.slope, not one.straight))
     return found

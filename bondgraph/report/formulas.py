@@ -10,7 +10,7 @@ from bondgraph.correct.result import departs, form_text, holds_declared, interva
 from bondgraph.correct.round import Round
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import moved_parameters, other_words
-from bondgraph.report.letters import STIFFENING
+from bondgraph.report.letters import softens
 from bondgraph.report.regimes import named
 from bondgraph.report.words import law_title
 
@@ -23,19 +23,19 @@ def headline_name(closed: ClosedLoop, added: Added) -> str:
     formula, laws = formula_of(added.trial.candidate.function), _laws_of(added.trial)
     if len(laws) > 1:
         return f"the sum of {', '.join(laws[:-1])} and {laws[-1]} at {added.trial.candidate.place.label}"
-    softens = ", which softens" if formula is None and _softens(added, closed) else ""
+    turned = ", which softens" if _turns_round(added, closed) else ""
     if added.trial.forms:
-        own, away = law_title(named(added, closed.corrected)) + softens, _percent_away(added, closed)
+        own, away = law_title(named(added, closed.corrected)) + turned, _percent_away(added, closed)
         return f"{own} in a form of its own{f', {away} % from it' if away else ''}"
     if formula is None:
-        return law_title(named(added, closed.corrected)) + softens
+        return law_title(named(added, closed.corrected)) + turned
     return f"an unnamed law at {formula.place.label} ({formula.text(closed.corrected.values)})"
 
 
-def _softens(added: Added, closed: ClosedLoop) -> bool:
-    """True for a law that is called stiffening and is not, by the sign of its coefficient."""
+def _turns_round(added: Added, closed: ClosedLoop) -> bool:
+    """True for a law that is called stiffening and softens."""
     effect, values = added.trial.candidate.effect, closed.corrected.values
-    return effect.name in STIFFENING and values.get(effect.coefficients[0], 0.0) < 0.0
+    return bool(effect.coefficients) and softens(effect.name, values.get(effect.coefficients[0], 0.0))
 
 
 def _laws_of(law: Trial) -> list[str]:

@@ -17,9 +17,9 @@ _LETTERS = {
     "magnitude": "s", "delay": "T", "sharpness": "n",
 }  # fmt: skip
 #: The same of single laws, by their names: half of a play is b in one and g in others.
-_OF_EFFECT = {("backlash", "gap"): "b", ("dead zone", "dead"): "b"}
+_OF_EFFECT = {("backlash", "gap"): "b", ("clearance", "gap"): "b", ("dead zone", "dead"): "b"}
 #: Springs that get stiffer with their deflection, which a negative coefficient turns round.
-STIFFENING = (
+_STIFFENING = (
     "progressive_spring", "hardening_spring", "stiffening_volume", "narrowing_tank", "voltage_dependent_capacitance",
     "charge_dependent_capacitance",
 )  # fmt: skip
@@ -71,6 +71,11 @@ def _unit(unit: str) -> str:
     return "" if unit in ("", "1") else f" {unit}"
 
 
+def softens(name: str, value: float) -> bool:
+    """True for a law that is called stiffening and is not, by the sign of its coefficient."""
+    return name in _STIFFENING and value < 0.0
+
+
 def softening(name: str, coefficients: Sequence[Coefficient]) -> str:
     """Words on a law that is called stiffening and softens, by its first coefficient; empty of all others.
 
@@ -81,6 +86,5 @@ def softening(name: str, coefficients: Sequence[Coefficient]) -> str:
     >>> softening("hardening_spring", [Coefficient("c", 3.0, "N/m^3", (2.0, 4.0))])
     ''
     """
-    if name not in STIFFENING or not coefficients or not coefficients[0].value < 0.0:
-        return ""
-    return "c is negative: it softens as it deflects"
+    turned = bool(coefficients) and softens(name, coefficients[0].value)
+    return "c is negative: it softens as it deflects" if turned else ""

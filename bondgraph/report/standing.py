@@ -50,7 +50,7 @@ def _changed(told: Confirmation) -> str:
         return f"the log-likelihood of the held-out logs changes {whole}"
     laws = f"by {shown(told.laws.gain)} ± {shown(told.laws.error)} nats"
     if laws == whole:
-        return f"the laws change the log-likelihood of the held-out logs {laws}, the disturbance adds nothing to that"
+        return f"the laws change the log-likelihood of the held-out logs {laws}; the disturbance adds nothing"
     return (
         f"the laws change the log-likelihood of the held-out logs {laws} beside the disturbance, which is in both "
         f"models then; together with it they change it {whole}"
@@ -66,7 +66,7 @@ def worse_simulated(closed: ClosedLoop) -> list[str]:
         return []
     what, last = _added(closed), closed.corrected_train.channels
     grown = _grown(closed.nominal_train.channels, last)
-    seen = [name for name in grown if last[name].simulation_rmse > 2.0 * _noise(closed, name, last[name].noise_std)]
+    seen = [name for name in grown if last[name].simulation_rmse > _FAR * _noise(closed, name, last[name].noise_std)]
     training = [f"{name} (+{grown[name]} %)" for name in seen if grown[name] > _CLEARLY]
     kinds = {"held-out": clearly_worse(closed), "training": training}
     return [

@@ -112,6 +112,7 @@ def test_a_quick_input_that_is_held_is_not_left_band_limited() -> None:
     assert begun.running("band limited") == ("force",) and [one.way for one in begun.straight] == ["hold"]
     closed = close_loop(_cart(), [log], [], [effects.actuator_lag, effects.dragged_mass], LoopSettings())
     assert closed.verdict == "no missing effect" and (closed.held, closed.limited) == (("force",), ())
+    assert any("likelier than band limited" in one for one in closed.cautions)
 
 
 def test_inputs_stay_as_declared_where_that_is_asked_for() -> None:

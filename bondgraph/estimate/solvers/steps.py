@@ -16,7 +16,7 @@ _AT_WALL = 1e-9
 
 def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansion) -> float:
     """Nats by which the likelihood would improve if it were quadratic and the box had no further walls."""
-    held = _held(objective, point, expansion.gradient)
+    held = held_at_walls(objective, point, expansion.gradient)
     free = ~held
     gradient = expansion.gradient[free]
     # A coordinate that does nothing has a gradient of rounding errors; against its bounds that counts as nothing.
@@ -36,7 +36,7 @@ def damped_step(objective: Objective, point: FloatArray, expansion: Expansion, d
     FloatArray
         Shape (n,), inside the box.
     """
-    held = _held(objective, point, expansion.gradient)
+    held = held_at_walls(objective, point, expansion.gradient)
     scale = np.diag(expansion.information) + _floor(objective)
     rates = np.where(known_noise_levels(objective), 1.0, noise_level_rates(expansion))
     trial = point.copy()
@@ -101,7 +101,7 @@ def _solve(matrix: FloatArray, right: FloatArray, scale: FloatArray) -> FloatArr
     return solution
 
 
-def _held(objective: Objective, point: FloatArray, gradient: FloatArray) -> BoolArray:
+def held_at_walls(objective: Objective, point: FloatArray, gradient: FloatArray) -> BoolArray:
     """Coordinates at a wall through which the likelihood would still rise, and those that are fixed."""
     near = _AT_WALL * (objective.upper - objective.lower)
     at_lower = (point <= objective.lower + near) & (gradient > 0.0)
