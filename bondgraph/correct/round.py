@@ -15,16 +15,10 @@ import numpy as np
 from bondgraph.build import BuiltModel
 from bondgraph.correct.advice import separation
 from bondgraph.correct.constants import LEVEL, MOST_REFITS
-from bondgraph.correct.evidence.bounds import beyond_bounds
-from bondgraph.correct.evidence.confirm import confirmed, transferred
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import choose, detectable, hurdle
-from bondgraph.correct.evidence.given import beside_given
-from bondgraph.correct.evidence.noise_split import split_again
+from bondgraph.correct.evidence.decide import detectable, hurdle
 from bondgraph.correct.evidence.reasons import alternatives
-from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
-from bondgraph.correct.gate_worth import earned, in_its_signal
 from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
@@ -35,11 +29,9 @@ from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
 from bondgraph.correct.search.search import Entry, Search, left_out, searched
-from bondgraph.correct.search.widths import at_any_width, is_due
+from bondgraph.correct.selection import Selection
 from bondgraph.correct.shapes.completions import stored_signals
 from bondgraph.correct.shapes.offered import Residual, own_forms, with_formulas
-from bondgraph.correct.shapes.relatives import with_relatives
-from bondgraph.correct.small_rests import weighed
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -148,8 +140,8 @@ def one_round(
     left = Residual(built, linear, probed, known, located, _laws(added))
     search.entries += [Entry(trial) for trial in own_forms(left.laws, scored, left, context, settings.report)]
     trials = with_formulas(_searched(search, scoring, settings), scored, left, search.context, settings.report)
-    trials = with_relatives(trials, left, search.context, settings.report)
-    trials, chosen = _chosen(trials, left.laws, search.context, settings.report, where)
+    selection = Selection(search, trials, left, settings.report)
+    chosen, trials = selection.chosen(settings.refits), selection.trials
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need, train, scored.unseen)
@@ -184,99 +176,6 @@ def _searched(search: Search, scoring: Scoring, settings: RoundSettings) -> list
         return trials
     look_beneath_noise(search, scoring, settings.report)
     return searched(search, settings.refits, settings.report)
-
-
-def _chosen(
-    trials: Sequence[Trial], laws: Sequence[Trial], context: Context, report: Report, where: Sequence[Place]
-) -> tuple[list[Trial], Trial | None]:
-    """The trials, those that would be chosen after a second look at them, and the one that stays the best.
-
-    ``laws`` are those that the model has beside its declaration: what is small beside them is not chosen.
-    A second look may find a better fit without any candidate. Then all gains fall by as much, ``lost`` nats in all:
-    candidates that are compared must be judged against the same fit.
-    """
-    done, looked, widened, gated, lost = list(trials), set[int](), set[int](), set[int](), 0.0
-    weighty = set[int]()
-    while (best := choose(done, context.level)) is not None:
-        index = next(k for k, trial in enumerate(done) if trial is best)
-        if index in looked:
-            break
-        if index not in weighty:
-            weighty.add(index)
-            done[index] = weighed(best, laws, context.base)
-            continue
-        if index not in widened and is_due(best, done, context):
-            widened.add(index)
-            report(f"free the width of {best.candidate.label}", 0, 1)
-            freed = at_any_width(best, done, context)
-            done = [new if new.fit is old.fit else _less(new, lost) for old, new in zip(done, freed, strict=True)]
-            continue
-        if best.candidate.effect.regime and index not in gated:
-            gated.add(index)
-            done[index] = _earned(best, done, where, context)
-            done += _instead_of(done[index], done, where, context)
-            continue
-        report(f"look again at {best.candidate.label}", 0, 1)
-        sure, further = _second_look(best, context, lost)
-        report(f"look again at {best.candidate.label}", 1, 1)
-        done, lost = [_less(trial, further) for trial in done], lost + further
-        for k, trial in enumerate(done):
-            if trial.candidate.label in sure.stands_for and trial.gate == sure.gate and trial.fit is None:
-                done[k] = replace(trial, evidence=sure.evidence, transfer=sure.transfer)
-        done[index] = sure
-        looked.add(index)
-    return done, best
-
-
-def _earned(best: Trial, done: Sequence[Trial], where: Sequence[Place], context: Context) -> Trial:
-    """The trial after the tests of its gate; where these fail it is not chosen."""
-    assert best.evidence is not None  # it would be chosen
-    doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
-    return attempted(lambda: earned(best, done, where, context), lambda why: replace(doubted, failed=why))
-
-
-def _instead_of(gated: Trial, done: Sequence[Trial], where: Sequence[Place], context: Context) -> list[Trial]:
-    """The best term in the signal of a gate that failed its tests, if it is not among the trials."""
-    if gated.evidence is None or gated.evidence.accepted(context.level):
-        return []
-    told = attempted(lambda: in_its_signal(gated, where, context), lambda why: None)
-    return [] if told is None or any(one.candidate.label == told.candidate.label for one in done) else [told]
-
-
-def _less(trial: Trial, nats: float) -> Trial:
-    """The trial with so much less gain."""
-    known = trial.evidence
-    if known is None or not nats:
-        return trial
-    return replace(
-        trial, evidence=replace(known, delta_nll=known.delta_nll - nats, bic_gain=known.bic_gain - nats)
-    )  # fmt: skip
-
-
-def _second_look(best: Trial, context: Context, lost: float) -> tuple[Trial, float]:
-    """The trial after a second look at its steps and its noise, and nats that all gains have lost by it.
-
-    Where a look fails the trial is not chosen.
-    """
-    assert best.evidence is not None  # it would be chosen
-    doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
-    return attempted(lambda: _looked_at(best, context, lost), lambda why: (replace(doubted, failed=why), 0.0))
-
-
-def _looked_at(best: Trial, context: Context, lost: float) -> tuple[Trial, float]:
-    """The trial with its noise split anew and steps that resolve it, and after costlier looks as long as it passes."""
-    sure, further = resolved(split_again(best, context), context), 0.0
-    sure = sure if sure is best else _less(sure, lost)
-    for look_again in (confirmed, transferred, beyond_bounds, beside_given):
-        before = sure.evidence
-        if before is None or not before.accepted(context.level):
-            break
-        sure = look_again(sure, context)
-        if sure.evidence is not None and sure.evidence.delta_nll > before.delta_nll:  # another look found a better fit
-            sure = _less(sure, sure.evidence.delta_nll - before.delta_nll)
-        elif sure.evidence is not None:
-            further += before.delta_nll - sure.evidence.delta_nll
-    return sure, further
 
 
 def _with_advice(

@@ -13,7 +13,7 @@ from sympy import tanh
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct import round as rounds
+from bondgraph.correct import selection
 from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose
@@ -26,6 +26,8 @@ from bondgraph.correct.scores.scoring import Scored, linearisation, score_candid
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_scores, scaled
 from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.correct.search.swap import _inside
+from bondgraph.correct.selection import Selection
+from bondgraph.correct.shapes.offered import Residual
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -170,12 +172,44 @@ def test_candidates_are_compared_against_the_same_fit_without_them(monkeypatch: 
         gain = trial.gain - (drag.gain - cubic.gain) - 5.0 if trial.candidate is drag.candidate else trial.gain
         return replace(trial, evidence=replace(trial.evidence, delta_nll=gain, bic_gain=gain - 9.0))
 
-    monkeypatch.setattr(rounds, "resolved", lambda trial, context: trial)
-    monkeypatch.setattr(rounds, "transferred", lambda trial, context: trial)
-    monkeypatch.setattr(rounds, "confirmed", better_without)
-    done, best = rounds._chosen([drag, cubic], [], search.context, no_report, search.where)
+    monkeypatch.setattr(selection, "resolved", lambda trial, context: trial)
+    monkeypatch.setattr(selection, "transferred", lambda trial, context: trial)
+    monkeypatch.setattr(selection, "confirmed", better_without)
+    selected = Selection(search, [drag, cubic], nothing_left(search), no_report)
+    best, done = selected.looked_at(), selected.trials
     assert best is done[0] and best.candidate is drag.candidate
     assert done[0].gain - done[1].gain == pytest.approx(drag.gain - cubic.gain)
+
+
+def nothing_left(search: Search) -> Residual:
+    """The residual of a search in which nothing was located."""
+    return Residual(search.context.built, linearisation(search.context.base, search.context.train), (), (), ())
+
+
+def test_the_search_goes_on_behind_what_a_second_look_has_struck_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An eccentric sensor led with 1137 nats, was struck out, and a crank worth 10400 had not been refitted."""
+    search = fresh()
+    drag, cubic = searched(search, 1, no_report)
+    assert drag.evidence is not None and cubic.fit is None
+
+    def struck(trial: Trial, context: Context) -> Trial:
+        assert trial.evidence is not None
+        if trial.candidate is not drag.candidate:
+            return trial
+        return replace(trial, evidence=replace(trial.evidence, p_robust=1.0))
+
+    monkeypatch.setattr(selection, "with_relatives", lambda trials, left, context, report: list(trials))
+    for name in ("resolved", "transferred", "beyond_bounds", "beside_given"):
+        monkeypatch.setattr(selection, name, lambda trial, context: trial)
+    monkeypatch.setattr(selection, "confirmed", struck)
+    selected = Selection(search, [drag, cubic], nothing_left(search), no_report)
+    best = selected.chosen(12)
+    assert best is not None and best.candidate is cubic.candidate and best.fit is not None
+    assert selected.trials[0].p_value == 1.0 and search.spent == 2 and not left_out(search)
+    spent = fresh()
+    spent.spent = 1
+    assert Selection(spent, [drag, cubic], nothing_left(search), no_report).chosen(1) is None
+    assert left_out(spent) == ["cubic_loss at drum"]  # what might be the best is named
 
 
 def test_responses_that_one_fit_tells_apart_are_no_equals() -> None:

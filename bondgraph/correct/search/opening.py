@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import Candidate
@@ -109,7 +108,7 @@ def look_beneath_noise(search: Search, given: Scoring, report: Report) -> None:
 
 def is_driven_still(search: Search) -> bool:
     """True where the leader of the search, or the fit without any candidate, needs noise that drives a state."""
-    best = choose(search.trials, search.context.level)
+    best = search.best
     leads = search.context.base if best is None or best.fit is None else best.fit
     return is_driven(leads, search.context.required)
 

@@ -44,13 +44,14 @@ class Entry:
     """A candidate of the search: its trial, what incumbents predict since its last refit, and its equals.
 
     ``twins`` are positions of the candidates whose response is the same to rounding; ``tried`` how many it was picked
-    from, None: as many as the round tried.
+    from, None: as many as the round tried. ``decided``: second looks have decided on it, and it is refitted no more.
     """
 
     trial: Trial
     pending: list[Prediction] = field(default_factory=list)
     twins: tuple[int, ...] = ()
     tried: int | None = None
+    decided: bool = False
 
     @property
     def kind(self) -> str:
@@ -88,7 +89,8 @@ class Search:
     """State of a search: its candidates, and how right predictions have been.
 
     ``ratios`` are achieved over predicted gains, by class; ``spent`` counts refits; ``groups`` are the numbers of
-    groups of equal responses, by candidate, as each fit sees them; ``where`` are the places of the graph.
+    groups of equal responses, by candidate, as each fit sees them; ``where`` are the places of the graph; ``beside``
+    are trials that were refitted elsewhere, formulas, with which candidates are compared.
     """
 
     entries: list[Entry]
@@ -98,6 +100,7 @@ class Search:
     spent: int = 0
     groups: list[dict[int, int]] = field(default_factory=list)
     where: tuple[Place, ...] = ()
+    beside: Sequence[Trial] = ()
 
     def are_equal(self, j: int, k: int) -> bool:
         """True for two candidates that are in one group wherever both have a response."""
@@ -108,9 +111,14 @@ class Search:
         """All trials, in the order of the entries."""
         return [one.trial for one in self.entries]
 
+    @property
+    def best(self) -> Trial | None:
+        """The trial that would be chosen now."""
+        return choose([*self.trials, *self.beside], self.context.level)
+
     def bound(self, entry: Entry) -> float:
         """Nats that a refit may gain; of one that was refitted, what an incumbent predicts beyond that."""
-        if not entry.pending or entry.trial.failed:
+        if not entry.pending or entry.trial.failed or entry.decided:
             return 0.0
         if entry.trial.evidence is not None:
             beyond = entry.predicted - entry.trial.gain
@@ -125,14 +133,14 @@ class Search:
 def searched(search: Search, most: int, report: Report) -> list[Trial]:
     """The trials, those refitted that could be the best, ``most`` of them at most."""
     abreast = _ABREAST if search.context.base.problem.filter_model.is_stiff else 1
-    leader = choose(search.trials, search.context.level)
+    leader = search.best
     while search.spent < most:
         due = _due(search)[: min(abreast, most - search.spent)]
         if not due:
             break
         report("refit the best candidates", search.spent, most)
         _refit(search, due)
-        best = choose(search.trials, search.context.level)
+        best = search.best
         if best is not None and best is not leader:
             leader = best
             _renew(search, best)
@@ -147,7 +155,7 @@ def left_out(search: Search) -> list[str]:
 
 def _due(search: Search) -> list[int]:
     """Positions of the candidates whose bound is near the best gain, the best first."""
-    best = choose(search.trials, search.context.level)
+    best = search.best
     least = max(search.context.required, -np.inf if best is None else best.gain - INDIFFERENT)
     bounds = [search.bound(one) for one in search.entries]
     return sorted((j for j, bound in enumerate(bounds) if bound >= least), key=lambda j: (-bounds[j], j))
@@ -155,7 +163,7 @@ def _due(search: Search) -> list[int]:
 
 def _refit(search: Search, due: Sequence[int]) -> None:
     """Refit some candidates from all that is predicted of them, and learn how right that was."""
-    best = choose(search.trials, search.context.level)
+    best = search.best
     lead = None if best is None else best.fit
     contexts = [_context(search, search.entries[j].trial) for j in due]
     made = [_prepared(search.entries[j].trial, one) for j, one in zip(due, contexts, strict=True)]
