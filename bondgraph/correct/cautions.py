@@ -72,7 +72,8 @@ def _unknown(fitted: Fit, names: Sequence[str]) -> list[str]:
     found: tuple[Combination, ...] = attempted(
         lambda: combinations(fitted.problem, fitted.point, information), lambda why: ()
     )
-    together = [one for one in found if one.known and (one.condition > _OPEN or len(set(one.names) & set(names)) > 1)]
+    several = [one for one in found if one.together]
+    together = [one for one in several if one.condition > _OPEN or len(set(one.names) & set(names)) > 1]
     said = [f"in these logs {one}: fix one of them, or drive so that they act apart" for one in together]
     left = [name for name in names if not any(name in one.names for one in together)]
     if left:

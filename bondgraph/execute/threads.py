@@ -2,27 +2,75 @@
 
 from __future__ import annotations
 
+import functools
 import os
+import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TypeVar
 
 _Task = TypeVar("_Task")
 _Answer = TypeVar("_Answer")
 
+#: Threads that stand ready at most, for any number of callers; each begins when it is first needed.
+_MOST = 64
+
 
 def in_threads(threads: int, action: Callable[[_Task], _Answer], tasks: Sequence[_Task]) -> list[_Answer]:
     """Answers of an action to some tasks, in their order.
+
+    The caller is one of the threads, and takes tasks like the others: so actions may ask for threads themselves, and
+    no call waits for a thread that is busy elsewhere. The others are kept from call to call, since one takes longer to
+    begin than a kernel with a short log.
+
+    Raises
+    ------
+    Exception
+        What the first task raises that fails; tasks behind it may have been left out.
 
     Examples
     --------
     >>> in_threads(2, abs, [-1, -2, -3])
     [1, 2, 3]
+    >>> in_threads(2, lambda k: sum(in_threads(2, abs, range(-k, 0))), range(5))
+    [0, 1, 3, 6, 10]
     """
     if threads == 1 or len(tasks) < 2:
         return [action(task) for task in tasks]
-    with ThreadPoolExecutor(min(threads, len(tasks))) as executor:
-        return list(executor.map(action, tasks))
+    left = iter(range(len(tasks)))
+    answers: dict[int, _Answer] = {}
+    failures: dict[int, BaseException] = {}
+    lock = threading.Lock()
+
+    def work() -> None:
+        while True:
+            with lock:
+                k = None if failures else next(left, None)
+            if k is None:
+                return
+            try:
+                answers[k] = action(tasks[k])
+            except BaseException as failure:
+                failures[k] = failure
+
+    others = [_pool().submit(work) for _ in range(min(threads, len(tasks)) - 1)]
+    work()
+    for other in others:
+        other.cancel()  # one that has not begun has nothing to do any more
+    wait(others)
+    if failures:
+        raise failures[min(failures)]
+    return [answers[k] for k in range(len(tasks))]
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    """The threads that stand ready in this process."""
+    return ThreadPoolExecutor(_MOST, thread_name_prefix="bondgraph")
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has none of these threads
+    os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
 def thread_count(threads: int | None) -> int:

@@ -60,11 +60,25 @@ class Combination:
     rise: tuple[float, float]
 
     def __str__(self) -> str:
-        group, told = _listed(self.names), _listed(self.known)
-        if not self.known:
-            return f"{group}: these logs tell nothing of them"
+        """A sentence; one that the logs tell alone is left out of the group.
+
+        Examples
+        --------
+        >>> print(Combination(("a", "b", "c"), ("a*b^2", "c"), "product", 40.0, (0.0, 3.0)))
+        a and b act only together, as a*b^2
+        >>> print(Combination(("a", "b"), ("b",), "product", 40.0, (0.0, 3.0)))
+        a: these logs tell next to nothing of it
+        """
+        group = [one for one in self.names if one not in self.known]
+        if not self.together:
+            return f"{_listed(group)}: these logs tell next to nothing of {'it' if len(group) == 1 else 'them'}"
         near = {"product": "as", "sum": "as", "locally": "near this point as"}[self.law]
-        return f"{group} act only together, {near} {told}"
+        return f"{_listed(group)} act only together, {near} {_listed(self.together)}"
+
+    @property
+    def together(self) -> tuple[str, ...]:
+        """The combinations of two parameters and more."""
+        return tuple(one for one in self.known if one not in self.names)
 
 
 def _listed(names: Sequence[str]) -> str:
