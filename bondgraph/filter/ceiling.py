@@ -16,9 +16,9 @@ H is what its sigma points make it, W sum E_i E_i' + c d d' with d = W sum E_i (
 c = beta - alpha^2 it is still positive semi-definite where 2 n W c >= -1, by the inequality of Cauchy and Schwarz: for
 all beta >= 0 if kappa = 0. Where it is not, no member is given up.
 
-A log is filtered in parts. After each the members that are given up leave, and the others close ranks, so that the
-lanes of the kernel stay full. A member that diverges is repeated with twice the steps, as without a ceiling; one that
-was given up before it would have diverged is not.
+A log is filtered in parts, each long enough to be worth the call of a kernel. After each the members that are given up
+leave, and the others close ranks, so that the lanes of the kernel stay full. A member that diverges is repeated with
+twice the steps, as without a ceiling; one that was given up before it would have diverged is not.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.filter.ukf import reference_run
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
 
-#: Parts of a log, and the fewest samples of one.
+#: Parts of a log at most, and the fewest samples of one.
 _PARTS, _LEAST = 64, 16
 
 #: More than a sum of a million terms loses to rounding, as a share of the size of its terms.
@@ -81,7 +81,8 @@ def run_below(
     threads, compiled
         As there.
     """
-    filter_log = _in_kernel if compiled and has_numba() else _in_numpy
+    in_kernel = compiled and has_numba()
+    filter_log = _in_kernel if in_kernel else _in_numpy
     least = [_least_terms(filter_model, batch) for batch in batches]
     counts = [_left_to_measure(samples) for samples in logs]
     bounds = [count @ terms for count, terms in zip(counts, least, strict=True)]
@@ -93,7 +94,7 @@ def run_below(
         room = ceilings[members] - gathered[members]
         room += _ROUNDING * (np.abs(ceilings) + np.abs(gathered) + sizes)[members]
         rest = bounds[index] + sum((bound[0] for bound in bounds[index + 1 :]), np.zeros(ceilings.size))
-        starts = _starts(samples.time.size)
+        starts = _starts(samples.time.size, _fewest(filter_model, samples) if in_kernel else _LEAST)
         limits = room - rest[starts][:, members]
         run = empty_run(filter_model, samples, batch, depth=0)
         run.verdicts.outcome[:] = _ABANDONED
@@ -127,15 +128,20 @@ def _filter_members(
     _put(run.verdicts, members, found)
 
 
-def _starts(samples: int) -> IntArray:
+def _fewest(filter_model: FilterModel, samples: Samples) -> int:
+    """The fewest samples of a part that the compiled kernel filters."""
+    return max(_LEAST, CompiledFilter.of(filter_model).nodes_of_a_call(samples))
+
+
+def _starts(samples: int, fewest: int) -> IntArray:
     """Where the parts of a log start.
 
     Examples
     --------
-    >>> _starts(50).tolist(), _starts(10).tolist(), _starts(6400)[:3].tolist()
-    ([0, 17, 34], [0], [0, 100, 200])
+    >>> _starts(50, 16).tolist(), _starts(10, 16).tolist(), _starts(6400, 16)[:3].tolist(), _starts(400, 200).tolist()
+    ([0, 17, 34], [0], [0, 100, 200], [0, 200])
     """
-    parts = max(1, min(_PARTS, samples // _LEAST))
+    parts = max(1, min(_PARTS, samples // fewest))
     return np.arange(0, samples, math.ceil(samples / parts))
 
 
@@ -214,7 +220,7 @@ def _in_numpy(
     limits: FloatArray,
     threads: int | None,
 ) -> Verdicts:
-    """The numpy filter member by member, which asks at the same samples."""
+    """The numpy filter member by member, which asks where parts start."""
     verdicts = _no_verdicts(batch.size)
     for m in range(batch.size):
         highest = np.full(samples.time.size, math.inf)

@@ -29,6 +29,9 @@ _SHARE = 0.6
 #: What the filter itself costs per node, by itself and by states, in rows of a model's work buffer, each of which costs
 #: about as much for a step: from times of machines of 2 and 11 states with 1 to 32 steps.
 _OWN, _OWN_BY_STATE = 2250.0, 375.0
+#: What a call of the kernel costs before and after it, in the same unit of 2.4 ns: a millisecond, from times of a
+#: machine of one state.
+_CALL = 4e5
 
 
 def blocks(members: int, alone: float, threads: int) -> list[tuple[int, int]]:
@@ -74,9 +77,13 @@ def as_long_as_a_block(states: int, rows: int, substeps: float) -> float:
     >>> round(as_long_as_a_block(2, 16, 1.0), 1), round(as_long_as_a_block(11, 353, 12.0), 1)
     (1.0, 4.4)
     """
-    points, own = 2 * states + 1, _OWN + _OWN_BY_STATE * states
-    steps = rows * substeps
-    return (own + _SHARE * steps * points) / (own + steps * math.ceil(points / LANES))
+    own, steps = _OWN + _OWN_BY_STATE * states, rows * substeps
+    return cost_of_a_block(states, rows, substeps) / (own + steps * math.ceil((2 * states + 1) / LANES))
+
+
+def cost_of_a_block(states: int, rows: int, substeps: float) -> float:
+    """What a block of members costs from node to node, in rows of a model's work buffer; arguments as above."""
+    return _OWN + _OWN_BY_STATE * states + _SHARE * rows * substeps * (2 * states + 1)
 
 
 @dataclass(frozen=True)
@@ -97,10 +104,15 @@ class CompiledFilter:
         filter_members = load_translated("filter_members", *modules)
         return cls(filter_model, filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
+    def nodes_of_a_call(self, samples: Samples) -> int:
+        """For how many samples a kernel is called that itself takes longer than its call."""
+        cost = cost_of_a_block(self.filter_model.points.n, self.lanes.rows, _mean_substeps(samples))
+        return math.ceil(_CALL / cost)
+
     def blocks(self, members: int, samples: Samples, threads: int) -> list[tuple[int, int]]:
         """Blocks of members that are filtered side by side over a log, for as many threads."""
-        substeps = float(np.mean(samples.substeps)) if samples.substeps.size else 1.0
-        return blocks(members, as_long_as_a_block(self.filter_model.points.n, self.lanes.rows, substeps), threads)
+        alone = as_long_as_a_block(self.filter_model.points.n, self.lanes.rows, _mean_substeps(samples))
+        return blocks(members, alone, threads)
 
     def run(
         self, log: Log, part: Part, batch: MemberBatch, verdicts: Verdicts, record: Record, block: tuple[int, int]
@@ -120,6 +132,10 @@ class CompiledFilter:
             record,
             scratch(self.filter_model, self.lanes, side_by_side),
         )
+
+
+def _mean_substeps(samples: Samples) -> float:
+    return float(np.mean(samples.substeps)) if samples.substeps.size else 1.0
 
 
 def filter_rules(filter_model: FilterModel, lanes: LaneModel) -> Rules:

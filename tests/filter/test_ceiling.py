@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from bondgraph.errors import FilterError
+from bondgraph.filter import compiled as compiled_filter
+from bondgraph.filter.compiled import CompiledFilter
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import Likelihood, innovations, likelihood
+from bondgraph.filter.samples import Samples
 from bondgraph.simulate.outcome import Outcome
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, pendulum_filter, simulated_log
 from tests.filter.test_likelihood import spread
@@ -18,6 +21,30 @@ from tests.simulate.samples import decay
 
 BOTH = pytest.mark.parametrize("compiled", [False, True])
 MODELS = pytest.mark.parametrize("make", [circuit_filter, pendulum_filter, driveline_filter])
+
+
+@pytest.fixture(autouse=True)
+def short_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts of 16 samples whatever a call costs, as the numpy filter has them."""
+    monkeypatch.setattr(compiled_filter, "_CALL", 0.0)
+
+
+def test_a_quick_machine_is_asked_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call for 16 samples of one state took a millisecond, of which the kernel had a tenth."""
+    monkeypatch.undo()
+    model, whole = pendulum_filter(), driveline_filter()
+    logs, values = three_logs(model, 60), scattered(model, 5)
+    lowest = likelihood(model, logs, ceilings=-1e9, **values)
+    assert lowest.abandoned.all() and not lowest.share.any()
+    capped = likelihood(model, logs, ceilings=likelihood(model, logs, **values).nll.min(), **values)
+    ends = np.cumsum([0, *(log.time.size for log in logs)]) / sum(log.time.size for log in logs)
+    assert {round(share, 9) for share in capped.share} <= {round(end, 9) for end in ends}  # logs in one part
+    samples = 600
+    slow, quick = (
+        CompiledFilter.of(one).nodes_of_a_call(Samples.of(one, simulated_log(one, 0.025 * np.arange(samples), seed=1)))
+        for one in (whole, model)
+    )
+    assert slow < quick < samples
 
 
 def three_logs(model: FilterModel, samples: int) -> list[PlainLog]:
