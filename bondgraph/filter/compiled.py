@@ -29,8 +29,8 @@ _SHARE = 0.6
 #: What the filter itself costs per node, by itself and by states, in rows of a model's work buffer, each of which costs
 #: about as much for a step: from times of machines of 2 and 11 states with 1 to 32 steps.
 _OWN, _OWN_BY_STATE = 2250.0, 375.0
-#: What a call of the kernel costs before and after it, in the same unit of 2.4 ns: a millisecond, from times of a
-#: machine of one state.
+#: Cost of a call of the kernel before and after it, in the same unit of 2.4 ns: a millisecond, from times of a machine
+#: of one state.
 _CALL = 4e5
 
 
@@ -82,7 +82,7 @@ def as_long_as_a_block(states: int, rows: int, substeps: float) -> float:
 
 
 def cost_of_a_block(states: int, rows: int, substeps: float) -> float:
-    """What a block of members costs from node to node, in rows of a model's work buffer; arguments as above."""
+    """Cost of a block of members from node to node, in rows of a model's work buffer; arguments as above."""
     return _OWN + _OWN_BY_STATE * states + _SHARE * rows * substeps * (2 * states + 1)
 
 
