@@ -1,9 +1,9 @@
 """The selection of a round: second looks at what would be chosen, and the search again behind what they strike out.
 
 A search compares candidates with the best that it has refitted. Costlier looks come after it: shorter steps, transfer,
-other bounds. Where they strike that one out, what was not refitted had been compared with something that is no answer:
-of a crank an eccentric sensor led with 1137 nats and was struck out, and the crank's ratio, which gains 10400, had
-never been refitted.
+other bounds. Where they strike the best out, the others were compared with no answer, and the search goes on. Of a
+crank an eccentric sensor led with 1137 nats and was struck out; the crank's ratio, which gains 10400, had never been
+refitted.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Selection:
             trials.append(told)
 
     def _look_again(self, index: int) -> None:
-        """Look again at what would be chosen: its noise, its steps, its transfer; what it loses all gains lose."""
+        """Look again at a trial that would be chosen, its noise, steps and transfer; its losses are those of all."""
         best, context, lost = self.trials[index], self._context, self.lost
         self.report(f"look again at {best.candidate.label}", 0, 1)
         sure, further = attempted(lambda: _looked_at(best, context, lost), lambda why: (_doubted(best, why), 0.0))
@@ -120,9 +120,10 @@ class Selection:
     def _searched_on(self, most: int) -> bool:
         """Search on where something may be the best now; True where anything was refitted."""
         search = self.search
+        known, decided = set(self._entries), self._looked | self._gated
         for entry, at in zip(search.entries, self._entries, strict=True):
-            entry.trial, entry.decided = self.trials[at], at in self._looked | self._gated
-        search.beside = [one for k, one in enumerate(self.trials) if k not in set(self._entries)]
+            entry.trial, entry.decided = self.trials[at], at in decided
+        search.beside = [one for k, one in enumerate(self.trials) if k not in known]
         if search.spent >= most or not left_out(search):
             return False
         before = search.trials
@@ -152,9 +153,9 @@ def _doubted(trial: Trial, why: str) -> Trial:
 
 
 def _looked_at(best: Trial, context: Context, lost: float) -> tuple[Trial, float]:
-    """The trial with its noise split anew and steps that resolve it, and after costlier looks as long as it passes.
+    """The trial after costlier looks, as long as it passes, and the nats that all gains lose by them.
 
-    With it the nats that all gains lose by them.
+    Its noise is split anew first, and its steps resolve it.
     """
     sure, further = resolved(split_again(best, context), context), 0.0
     sure = sure if sure is best else _less(sure, lost)

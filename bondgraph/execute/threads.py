@@ -12,21 +12,18 @@ from typing import TypeVar
 _Task = TypeVar("_Task")
 _Answer = TypeVar("_Answer")
 
-#: Threads that stand ready at most, for any number of callers; each begins when it is first needed.
-_MOST = 64
-
 
 def in_threads(threads: int, action: Callable[[_Task], _Answer], tasks: Sequence[_Task]) -> list[_Answer]:
     """Answers of an action to some tasks, in their order.
 
-    The caller is one of the threads, and takes tasks like the others: so actions may ask for threads themselves, and
-    no call waits for a thread that is busy elsewhere. The others are kept from call to call, since one takes longer to
-    begin than a kernel with a short log.
+    The caller is one of the threads and takes tasks like the others. So actions may ask for threads themselves, and no
+    call waits for a thread that is busy elsewhere. The others are kept for the next call with as many threads: to begin
+    one takes longer than a kernel with a short log.
 
     Raises
     ------
     Exception
-        What the first task raises that fails; tasks behind it may have been left out.
+        Failure of the first task that fails. Tasks behind it may have been left out.
 
     Examples
     --------
@@ -53,24 +50,22 @@ def in_threads(threads: int, action: Callable[[_Task], _Answer], tasks: Sequence
             except BaseException as failure:
                 failures[k] = failure
 
-    others = [_pool().submit(work) for _ in range(min(threads, len(tasks)) - 1)]
+    others = [_others(threads - 1).submit(work) for _ in range(min(threads, len(tasks)) - 1)]
     work()
-    for other in others:
-        other.cancel()  # one that has not begun has nothing to do any more
-    wait(others)
+    wait([other for other in others if not other.cancel()])  # nothing is left for one that has not begun
     if failures:
         raise failures[min(failures)]
     return [answers[k] for k in range(len(tasks))]
 
 
 @functools.cache
-def _pool() -> ThreadPoolExecutor:
-    """The threads that stand ready in this process."""
-    return ThreadPoolExecutor(_MOST, thread_name_prefix="bondgraph")
+def _others(count: int) -> ThreadPoolExecutor:
+    """Threads that stand ready in this process beside a caller; each begins when it is first needed."""
+    return ThreadPoolExecutor(count, thread_name_prefix="bondgraph")
 
 
 if hasattr(os, "register_at_fork"):  # a forked process has none of these threads
-    os.register_at_fork(after_in_child=_pool.cache_clear)
+    os.register_at_fork(after_in_child=_others.cache_clear)
 
 
 def thread_count(threads: int | None) -> int:

@@ -26,16 +26,14 @@ MODELS = pytest.mark.parametrize("make", [circuit_filter, pendulum_filter, drive
 @pytest.fixture(autouse=True)
 def short_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts of 16 samples whatever a call costs, as the numpy filter has them."""
-    monkeypatch.setattr(compiled_filter, "_CALL", 0.0)
+    monkeypatch.setattr(compiled_filter, "_CALL", 1.0)
 
 
 def test_a_quick_machine_is_asked_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A call for 16 samples of one state took a millisecond, of which the kernel had a tenth."""
+    """A call takes half a millisecond at least, and the kernel a tenth of that for 16 samples of one state."""
     monkeypatch.undo()
     model, whole = pendulum_filter(), driveline_filter()
     logs, values = three_logs(model, 60), scattered(model, 5)
-    lowest = likelihood(model, logs, ceilings=-1e9, **values)
-    assert lowest.abandoned.all() and not lowest.share.any()
     capped = likelihood(model, logs, ceilings=likelihood(model, logs, **values).nll.min(), **values)
     ends = np.cumsum([0, *(log.time.size for log in logs)]) / sum(log.time.size for log in logs)
     assert {round(share, 9) for share in capped.share} <= {round(end, 9) for end in ends}  # logs in one part

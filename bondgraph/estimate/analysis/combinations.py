@@ -60,7 +60,7 @@ class Combination:
     rise: tuple[float, float]
 
     def __str__(self) -> str:
-        """A sentence; one that the logs tell alone is left out of the group.
+        """A sentence without the parameters that the logs tell alone.
 
         Examples
         --------
