@@ -12,9 +12,10 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from multiprocessing import current_process, get_context, parent_process
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from pebble import ProcessPool
+from pebble.pool.process import PoolManager
 
 from bondgraph.errors import ExecutionError
 
@@ -22,6 +23,41 @@ from bondgraph.errors import ExecutionError
 _GUARD = "put what a script does under if __name__ == '__main__':, or use threads"
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
+
+
+class _Manager(PoolManager):
+    """Bookkeeping of a pool that reads what a process has written before it looks for the task with which it died.
+
+    Pebble 5.2 reads messages in one thread and looks for the dead in another. A process that takes a task and dies at
+    once may be looked for before its word that it took the task is read: the pool is given up then, or, where others
+    are at work, the task is waited for for ever.
+    """
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._reading = threading.RLock()
+
+    def process_next_message(self, timeout: float) -> None:
+        """Wait for a message, and handle it while nobody looks for the dead."""
+        channel = self.worker_manager.pool_channel
+        if channel is None or channel.poll(timeout):
+            with self._reading:
+                super().process_next_message(0.0)  # none, if the other thread has read it meanwhile
+
+    def handle_worker_expiration(self, expiration: tuple[int, int]) -> None:
+        """Read what is written, by the dead too, and then tell the task of a process that it died."""
+        channel = self.worker_manager.pool_channel
+        with self._reading:
+            while channel is not None and channel.poll(0.0):
+                super().process_next_message(0.0)
+            super().handle_worker_expiration(expiration)
+
+
+class _Pool(ProcessPool):
+    def __init__(self, count: int, renewed: int) -> None:
+        spawn = get_context("spawn")
+        super().__init__(count, renewed, initializer=_end_with_parent, context=spawn)
+        self._pool_manager = _Manager(self._context, spawn)
 
 
 class ProcessExecutor(Executor):
@@ -52,7 +88,7 @@ class ProcessExecutor(Executor):
     def __init__(self, count: int, renewed: int = 0) -> None:
         if getattr(current_process(), "_inheriting", False):  # as multiprocessing asks it
             raise ExecutionError(f"processes: this one is itself a worker that begins - {_GUARD}", where=("processes",))
-        self._pool = ProcessPool(count, renewed, initializer=_end_with_parent, context=get_context("spawn"))
+        self._pool = _Pool(count, renewed)
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
         """Have a task done by the next process that is free.

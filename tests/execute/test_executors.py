@@ -14,6 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
+from pebble.pool.channel import Channel
 
 from bondgraph.cli import main
 from bondgraph.errors import ExecutionError, OptionError
@@ -130,6 +131,21 @@ def test_a_process_that_dies_is_replaced_and_its_task_tried_once_more(tmp_path: 
         assert dict(answers) == {0: "a", 1: "1: task 2: its worker died twi", 2: "c"}
         with pytest.raises(WorkerDiedError, match="died twice"):
             in_order(executor, _die_or, [("",)])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_process_that_dies_before_its_word_is_read_is_replaced(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = Channel.recv
+
+    def slowly(channel: Channel) -> object:
+        time.sleep(0.3)  # three times as long as the pool takes between looks for the dead
+        return read(channel)
+
+    monkeypatch.setattr(Channel, "recv", slowly)
+    with open_executor(f"processes:{count}") as executor:
+        answers = dict(as_done(executor, _die_or, [("",), ("a",)], lambda k, _: f"{k} died"))
+        assert answers == {0: "0 died", 1: "a"}
+        assert in_order(executor, _die_or, [("b",)]) == ["b"]
 
 
 def _note_and_wait(mark: Path) -> None:
