@@ -6,11 +6,14 @@ Design, for cogging.
 
 from __future__ import annotations
 
+from math import pi
+
 from sympy import Abs, Expr, Function, cos, sin
 
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
+from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_law
@@ -26,14 +29,16 @@ from bondgraph.effects.places import (
     over,
     position_at,
 )
+from bondgraph.effects.storages import spring_at
 
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
 _COGGING = "Hanselman (2003), Brushless Permanent-Magnet Motor Design"
 #: Names of laws in each domain.
 _CONSTANT = Words("constant_effort", "offset_voltage", "static_pressure")
 _CONSTANT_FLOW = Words("", "offset_current", "constant_inflow", "constant_heat", "constant_supply")
-#: Periods in a turn at which a load that repeats is tried.
-_ORDERS = tuple(float(order) for order in range(1, 13))
+#: The most periods in a turn at which a load that repeats is tried. Cogging repeats with the least common multiple of
+#: slots and poles in a turn (Hanselman), of twelve slots and fourteen poles, as direct drives have them, 84 times.
+_MOST_PERIODS = 84
 #: Time in which a drifting load may become as large as the efforts at its place [s].
 LONGEST_DRIFT = 100.0
 
@@ -128,32 +133,38 @@ def drifting_load(g: BondGraph, at: Place) -> Effect | None:
 
 
 def ripple(g: BondGraph, at: Place) -> Effect | None:
-    """A torque that repeats with an angle that the graph integrates: cogging of magnets, teeth, a universal joint."""
-    angle = position_at(g, at) if has_flow(at) and at.domain == ROTATION else None
-    return None if angle is None else _repeating(g, at, "ripple", angle[0])
+    """A torque that repeats with an angle: cogging of magnets, teeth, a universal joint, a bent shaft.
 
-
-def cogging(g: BondGraph, at: Place) -> Effect | None:
-    """A torque that repeats with the angle of a rotor, which is added to the graph and starts at zero."""
-    known = position_at(g, at) if has_flow(at) and at.domain == ROTATION else None
-    if known is not None or not has_flow(at) or at.domain != ROTATION or not elements_at(g, at, "I"):
+    The angle is that of a spring, the one that the graph declares, or one that is added and starts at zero. Whole
+    periods in a turn are tried, up to those of which samples show two parts at half the largest speed.
+    """
+    turns = has_flow(at) and at.domain == ROTATION
+    most = min(_MOST_PERIODS, int(2 * pi / (at.scale.flow * at.times[0]))) if turns else 0
+    angle = _angle_at(g, at) if most else None
+    if angle is None:
         return None
-    turned = g.integral(f"angle_cogging_{at.name}", at.junction.flow, "rad", f"angle of {at.label}")
-    return _repeating(g, at, "cogging", turned)
-
-
-def _repeating(g: BondGraph, at: Place, effect: str, turned: Expr) -> Effect:
-    name = f"{effect}_{at.name}"
+    name = f"ripple_{at.name}"
     limit = at.scale.effort
     unit, bounds = effort_unit(at), (-limit, limit)
     sine = g.parameter(f"sine_{name}", 0.0, unit, "amplitude of the sine", bounds)
     cosine = g.parameter(f"cosine_{name}", 0.0, unit, "amplitude of the cosine", bounds)
-    order = g.parameter(f"order_{name}", 1.0, "1", "periods in a turn", (0.5, 2.0 * _ORDERS[-1]))
-    g.effort_source(name, -sine * sin(order * turned) - cosine * cos(order * turned), at=at.junction)
+    order = g.parameter(f"order_{name}", 1.0, "1", "periods in a turn", (0.5, most + 0.5))
+    g.effort_source(name, -sine * sin(order * angle) - cosine * cos(order * angle), at=at.junction)
+    tried = tuple(float(whole) for whole in range(1, most + 1))
     return Effect(
-        effect, name, "effort = a*sin(n*angle) + b*cos(n*angle)", (sine.name, cosine.name), shapes=(order.name,),
-        grids=((order.name, _ORDERS),), reference=_COGGING, manoeuvre="slow turning without load, over several turns",
+        "ripple", name, "effort = a*sin(n*angle) + b*cos(n*angle)", (sine.name, cosine.name), shapes=(order.name,),
+        grids=((order.name, tried),), reference=_COGGING, manoeuvre="slow turning without load, over several turns",
     )  # fmt: skip
+
+
+def _angle_at(g: BondGraph, at: Place) -> Expr | None:
+    if (spring := spring_at(g, at, straight=False)) is not None:
+        return signal("displacement", spring.name)
+    if (declared := position_at(g, at)) is not None:
+        return declared[0]
+    if elements_at(g, at, "I"):
+        return g.integral(f"angle_ripple_{at.name}", at.junction.flow, "rad", f"angle of {at.label}")
+    return None
 
 
 def ripple_sine(g: BondGraph, at: Place) -> Effect | None:

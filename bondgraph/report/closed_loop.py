@@ -28,7 +28,7 @@ from bondgraph.report.noise import idle, noise_sentence
 from bondgraph.report.numbers import shown, with_ends
 from bondgraph.report.regimes import regime_sentences
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, channel_errors
-from bondgraph.report.standing import held_out, worse_simulated
+from bondgraph.report.standing import driven_at_random, held_out, worse_simulated
 from bondgraph.report.tables import error_table, power_table, text_of
 from bondgraph.report.tried import tried
 from bondgraph.report.unknown import shape_sentence
@@ -139,7 +139,8 @@ _AS_A_TABLE = " As a table whose points are estimated it can be added: --tables,
 def explanation(closed: ClosedLoop) -> str:
     """The verdict in a few sentences."""
     disturbances = (f"{one}." for one in closed.disturbances)
-    return " ".join((_explained(closed), *_off(closed), *on_bounds(closed), *disturbances, *worse_simulated(closed)))
+    simulated = *worse_simulated(closed), *driven_at_random(closed)
+    return " ".join((_explained(closed), *_off(closed), *on_bounds(closed), *disturbances, *simulated))
 
 
 def on_bounds(closed: ClosedLoop) -> list[str]:
@@ -215,7 +216,7 @@ def _explained(closed: ClosedLoop) -> str:
         none = f"none of the {tried} effects and faults tried passes the tests beside a disturbance"
         return f"No law was found: {none}."
     if not tried:
-        return "No effect could be tried, but all innovations are white: nothing asks for one."
+        return "No effect could be tried. All innovations are white: they ask for none."
     enough = " and moves a sensor enough to be told" if any(one.small for one in closed.rounds[-1].trials) else ""
     return f"None of the {tried} effects and faults tried passes the tests{enough}, and all innovations are white."
 

@@ -94,20 +94,40 @@ def _far_off(closed: ClosedLoop, told: Confirmation) -> str:
     """A sentence on free simulation that stays far above the noise of sensors where a correction is confirmed."""
     if told.standing != "confirmed" or not (closed.added or closed.disturbances):
         return ""
-    channels = closed.corrected_holdout.channels
-    noise = {name: _noise(closed, name, one.noise_std) for name, one in channels.items()}
-    far = {
-        name: one.simulation_rmse / noise[name] for name, one in channels.items()
-        if noise[name] > 0.0 and _FAR * noise[name] < one.simulation_rmse < math.inf
-    }  # fmt: skip
+    far = _far(closed, closed.corrected_holdout.channels)
     if not far:
         return ""
     if closed.disturbances:
         return (
             f" Free simulation stays far from {few(list(far))} there: what drives the machine at random may hide a law."
         )
-    said = few([f"{name} ({shown(times)} times)" for name, times in far.items()])
-    return f" Free simulation stays above the noise of {said} there: not everything is explained."
+    return f" Free simulation stays above the noise of {_times(far)} there: not everything is explained."
+
+
+def driven_at_random(closed: ClosedLoop) -> list[str]:
+    """A sentence for the headline, where nothing was found and process noise bridges what simulation leaves."""
+    if closed.added or closed.disturbances or closed.constants or not closed.corrected.driven > INDIFFERENT:
+        return []
+    far = _far(closed, closed.corrected_train.channels)
+    if not far:
+        return []
+    return [
+        f"Yet free simulation of the training logs stays above the noise of {_times(far)}, and process noise makes "
+        "good for that: something drives the machine at random, or by a law that none of those tried is like."
+    ]
+
+
+def _far(closed: ClosedLoop, channels: Mapping[str, ChannelError]) -> dict[str, float]:
+    """Errors of free simulation in times the noise of the sensor, of channels that are far off."""
+    noise = {name: _noise(closed, name, one.noise_std) for name, one in channels.items()}
+    return {
+        name: one.simulation_rmse / noise[name] for name, one in channels.items()
+        if noise[name] > 0.0 and _FAR * noise[name] < one.simulation_rmse < math.inf
+    }  # fmt: skip
+
+
+def _times(far: Mapping[str, float]) -> str:
+    return few([f"{name} ({shown(times)} times)" for name, times in far.items()])
 
 
 def _noise(closed: ClosedLoop, channel: str, white: float) -> float:

@@ -98,4 +98,4 @@ def test_laws_with_a_memory_of_their_own_are_no_curves() -> None:
     for name in ("hysteresis_loss", "bouc_wen_loss", "lugre_loss", "polarisation", "slow_heat_capacity"):
         assert curves[name] is None, name
     shown = {name: curve.variable for name, curve in curves.items() if curve is not None}
-    assert (shown["cogging"], shown["charge_fading"]) == ("angle", "drawn")
+    assert (shown["ripple"], shown["charge_fading"]) == ("angle", "drawn")

@@ -177,8 +177,8 @@ def offered() -> list[Candidate]:
 def test_every_mechanical_effect_of_junctions_has_one_in_the_driveline(offered: list[Candidate]) -> None:
     names = {candidate.effect.name for candidate in offered}
     mechanical = {row.name for row in catalogue() if row.default and "mechanical" in row.domains}
-    # it has neither an angle nor a commanded ratio, no spring along a straight way, no motor and no magnet
-    elsewhere = {"ripple", "ratio_lag", "ratio_scale", "air_spring", "gap_dependence"}
+    # it has no commanded ratio, no spring along a straight way, no motor and no magnet
+    elsewhere = {"ratio_lag", "ratio_scale", "air_spring", "gap_dependence"}
     elsewhere |= {"ratio_by_stroke", "inertia_by_position"}  # nor a spring beside a constant ratio, nor a position
     expected = {row.name for row in catalogue() if row.name in mechanical and row.place[1:] == "-junction"}
     assert names == expected - elsewhere

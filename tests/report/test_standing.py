@@ -9,7 +9,7 @@ import pytest
 
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.fits.assess import ScaledGain
-from bondgraph.report.standing import held_out
+from bondgraph.report.standing import driven_at_random, held_out
 
 
 def disturbance(channel: str, size: float) -> Any:
@@ -53,6 +53,22 @@ def test_a_confirmed_disturbance_is_said_to_leave_room_for_a_law() -> None:
     said = answer(6.2, disturbed=wind)
     assert "Free simulation stays far from level there: what drives the machine at random may hide a law." in said
     assert "may hide" not in answer(1.9, disturbed=wind)
+
+
+@pytest.mark.parametrize(("simulated", "driven", "told"), [(4.0, 60.0, True), (1.9, 60.0, False), (4.0, 0.0, False)])
+def test_noise_that_bridges_what_simulation_leaves_is_told_where_nothing_was_found(
+    simulated: float, driven: float, told: bool
+) -> None:
+    """A motor that cogs ended with "no missing effect", and its simulation at four times the noise without a word."""
+    channels = {"pan": SimpleNamespace(simulation_rmse=simulated, noise_std=1.0)}
+    fitted = SimpleNamespace(driven=driven)
+    closed: Any = SimpleNamespace(
+        added=(), disturbances=(), constants=(), corrected=fitted, corrected_train=SimpleNamespace(channels=channels)
+    )
+    said = " ".join(driven_at_random(closed))
+    assert ("stays above the noise of pan (4.00 times), and process noise makes good for that" in said) == told
+    closed.added = ("law",)
+    assert driven_at_random(closed) == []
 
 
 def test_a_simulation_that_gets_worse_is_said_first() -> None:

@@ -42,7 +42,7 @@ def motor_rates(effect: bool) -> Rates:
 MOTOR = Machine(
     motor, motor_rates, [0.0, 0.0], lambda x, u, effect: np.array([x[0], u[0] - 0.1 * x[1]]), [5e-3, 0.01],
     lambda time, chance: steps(time, chance, -1.5, 2.5, 0.5)[np.newaxis], 0.005, 1000,
-    frozenset({"ripple at rotor", "cogging at rotor"}), frozenset({"angle"}), "cogging sin/(1.25 - 0.4 cos) of 6*angle",
+    frozenset({"ripple at rotor"}), frozenset({"angle"}), "cogging sin/(1.25 - 0.4 cos) of 6*angle",
 )  # fmt: skip
 
 # ------------------------------------------------------------------ an amplifier whose voltage saturates
