@@ -8,7 +8,8 @@ a spring has a frequency instead.
 References: Plett (2015), Battery Management Systems, volume 1, section 2.4, for a cell's polarisation; Ferry (1980),
 Viscoelastic Properties of Polymers, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1), for walls
 with a temperature of their own; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for gas
-that gives the heat of compression to its walls; Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on
+that gives the heat of compression to its walls; Zubieta, Bonert (2000), IEEE Trans. Industry Applications 36(1), for
+double-layer capacitors whose pores fill late; Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on
 springs or in oil; Vanderkooy (1989), J. Audio Eng. Soc. 37(3), for eddy currents beside a coil; Trikha (1975), ASME J.
 Fluids Eng. 97(1), for friction in pipes that follows a change of the flow.
 """
@@ -39,8 +40,9 @@ from bondgraph.effects.places import (
 from bondgraph.effects.storages import inertance_beside
 
 #: Names of a slow storage beside a quick one in each domain, and where it is described.
-_SLOW = Words("", "", "gas_heat_exchange", "slow_heat_capacity")
+_SLOW = Words("", "charge_redistribution", "gas_heat_exchange", "slow_heat_capacity")
 _SLOWLY = {
+    "charge_redistribution": "Zubieta, Bonert (2000), IEEE Trans. Industry Applications 36(1)",
     "gas_heat_exchange": "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)",
     "slow_heat_capacity": "Madsen, Holst (1995), Energy and Buildings 22(1)",
 }
@@ -76,10 +78,10 @@ def viscoelastic_drag(g: BondGraph, at: Place) -> Effect | None:
 
 
 def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
-    """A storage that fills slowly beside a quick one: a wall that takes up heat, gas that warms as it is compressed.
+    """A storage that fills slowly beside a quick one: a wall that takes up heat, pores that take up charge.
 
-    The slow part begins at the effort of the quick one, whatever that is, so that the lead of the quick one is its
-    state. Circuits have polarisation for that.
+    Gas that warms as it is compressed is another. The slow part begins at the effort of the quick one, whatever that
+    is, so that the lead of the quick one is its state.
     """
     word = _SLOW.at(at) if has_effort(at) else ""
     slope = rate_of_storage(g, at, "C", "effort", "displacement", "flow") if word else None

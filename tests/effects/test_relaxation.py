@@ -235,10 +235,10 @@ def test_a_body_at_any_temperature_is_told_from_a_disturbance_by_the_wall_that_i
 
 
 @pytest.mark.parametrize(("domain", "name"), [
-    (bg.HYDRAULIC, "gas_heat_exchange"), (bg.THERMAL, "slow_heat_capacity"),
+    (bg.ELECTRICAL, "charge_redistribution"), (bg.HYDRAULIC, "gas_heat_exchange"), (bg.THERMAL, "slow_heat_capacity"),
 ])  # fmt: skip
 def test_a_slow_storage_is_one_behind_a_resistance(domain: Domain, name: str) -> None:
-    """Air that warms as it is compressed was a disturbance as long as the logs."""
+    """Air that warms as it is compressed was a disturbance as long as the logs, a double layer an actuator's scale."""
 
     def vessel() -> bg.BondGraph:
         g = bg.BondGraph("vessel")
