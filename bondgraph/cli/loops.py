@@ -52,7 +52,8 @@ def close_loop(options: argparse.Namespace) -> int:
         say(unheard, sys.stderr)
     told = summary(write_closed_loop(closed, Path(options.out), made, said=logs.split, declared=declared))
     say(told, whole=str(Path(options.out) / "report.html"))
-    print(*write_python(Path(options.out), declared, closed.corrected_graph, options.graph), sep="\n")
+    contradicted = closed.verdict == "effect not confirmed"
+    print(*write_python(Path(options.out), declared, closed.corrected_graph, options.graph, contradicted), sep="\n")
     print(f"report: {Path(options.out) / 'report.html'}")
     return 0
 

@@ -187,7 +187,12 @@ def _write_values(writer: Writer, before: BondGraph, after: BondGraph) -> None:
             writer.lines.append(f"g = {writer.use('bondgraph.declare.editing', name)}(g, {changed!r})")
 
 
-def declaration_patch(reference: str, before: BondGraph, after: BondGraph) -> str:
+#: What stands above the lines in a patch.
+_FOUND = "# found by closing the loop on logs"
+_CONTRADICTED = "# asked for by training logs when the loop was closed, but contradicted by the logs: see the report"
+
+
+def declaration_patch(reference: str, before: BondGraph, after: BondGraph, contradicted: bool = False) -> str:
     """A unified diff of the Python file of a declaration; empty where its lines have no one place, or none are known.
 
     The file is a function that ends in ``return`` of a name, and is left as it is: the patch is for the user to apply,
@@ -199,6 +204,8 @@ def declaration_patch(reference: str, before: BondGraph, after: BondGraph) -> st
         ``FILE.py`` or ``FILE.py:function``, as a command got it.
     before, after
         The declared graph, as the file gives it, and the corrected one.
+    contradicted
+        The logs contradict what was added; a comment says so.
     """
     if not is_file_reference(reference):
         return ""
@@ -213,7 +220,7 @@ def declaration_patch(reference: str, before: BondGraph, after: BondGraph) -> st
     lines = source.splitlines(keepends=True)
     indent = lines[line - 1][: len(lines[line - 1]) - len(lines[line - 1].lstrip())]
     added = [
-        f"{indent}# found by closing the loop on logs\n",
+        f"{indent}{_CONTRADICTED if contradicted else _FOUND}\n",
         *(f"{indent}{one}\n" for one in renamed.splitlines() if one),
     ]
     patched = [*lines[: line - 1], *added, *lines[line - 1 :]]
@@ -255,8 +262,12 @@ def _declares(source: str, path: Path, name: str, after: BondGraph) -> bool:
             sys.path.remove(str(path.parent.resolve()))
 
 
-def write_python(folder: Path, declared: BondGraph, corrected: BondGraph, reference: str = "") -> list[str]:
+def write_python(
+    folder: Path, declared: BondGraph, corrected: BondGraph, reference: str = "", contradicted: bool = False
+) -> list[str]:
     """Write ``corrected_lines.py`` and, for the file of a declaration, ``correction.patch``; the sentences on them.
+
+    Both, and the sentences, say so where the logs contradict what was added (``contradicted``).
 
     Raises
     ------
@@ -268,10 +279,12 @@ def write_python(folder: Path, declared: BondGraph, corrected: BondGraph, refere
         why = f"it cannot be written {missing}" if missing.startswith("where ") else f"they cannot write {missing}"
         where = folder / "corrected_graph.json"
         return [f"No Python lines write this correction exactly ({why}); it stands in {where}"]
-    write_text(folder / "corrected_lines.py", f"# before the return of the declaration, whose graph is g\n{text}\n")
-    only = f" ({_only(text)})" if _only(text) else ""
+    head = "# before the return of the declaration, whose graph is g\n" + (f"{_CONTRADICTED}\n" if contradicted else "")
+    write_text(folder / "corrected_lines.py", f"{head}{text}\n")
+    told = _only(text) or ("the logs contradict what they add" if contradicted else "")
+    only = f" ({told})" if told else ""
     said = [f"Python lines for the declaration{only}: {folder / 'corrected_lines.py'}"]
-    patch = declaration_patch(reference, declared, corrected) if reference else ""
+    patch = declaration_patch(reference, declared, corrected, contradicted) if reference else ""
     if patch:
         write_text(folder / "correction.patch", patch)
         target = split_reference(reference)[0]

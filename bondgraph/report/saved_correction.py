@@ -179,7 +179,8 @@ class AbstractCorrection(Tabulated):
             Of ``report.html``.
         """
         page = _write_pages(self.kept, Path(folder), self.graph, self._module)
-        write_python(Path(folder), self.declared, self.graph)
+        contradicted = self.result["verdict"] == "effect not confirmed"
+        write_python(Path(folder), self.declared, self.graph, contradicted=contradicted)
         return page
 
     @property

@@ -149,6 +149,17 @@ def test_a_patch_makes_the_file_declare_the_corrected_graph(file: Path, tmp_path
     assert "graph.resistance('quadratic_loss_body'" in (tmp_path / "correction.patch").read_text()
 
 
+def test_lines_of_a_law_that_the_logs_contradict_say_so(file: Path, tmp_path: Path) -> None:
+    """A refused law stood in the patch as "found", and the patched file simulated worse than the declared one."""
+    declared, corrected = (bg.build(str(file)).graph for _ in range(2))
+    friction.quadratic_loss(corrected, Place(Handle("body", "1", bg.TRANSLATION), Scale(100.0, 5.0)))
+    for line in write_python(tmp_path, declared, corrected, str(file), contradicted=True):
+        assert "(the logs contradict what they add): " in line
+    for name in ("corrected_lines.py", "correction.patch"):
+        text = (tmp_path / name).read_text()
+        assert "but contradicted by the logs" in text and "found by closing" not in text
+
+
 @pytest.mark.parametrize(
     "spoiled",
     [
