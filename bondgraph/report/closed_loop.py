@@ -14,6 +14,7 @@ from bondgraph.correct.evidence.replaced import beyond_declared
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
+from bondgraph.correct.fits.rates import with_notes_of_used_rates
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import form_text, intervals
 from bondgraph.estimate.fitted import Fit
@@ -207,11 +208,7 @@ def _explained(closed: ClosedLoop) -> str:
         told = f"{law_title(closed.unproven.candidate.label)} passes the tests ({closed.unproven.gain:.1f} nats)"
         return f"Something is missing: {told}, but what it is cannot be told; see what was tried for the reason."
     if closed.verdict == "unexplained residual":
-        return (
-            f"The innovations of {', '.join(coloured)} are correlated in time, so something is missing (or the noise "
-            f"of the sensor is coloured), but none of the {tried} effects and faults tried explains it well enough to "
-            "be believed."
-        )
+        return _correlated(closed, coloured, tried)
     if closed.verdict == "disturbance":
         none = f"none of the {tried} effects and faults tried passes the tests beside a disturbance"
         return f"No law was found: {none}."
@@ -219,6 +216,15 @@ def _explained(closed: ClosedLoop) -> str:
         return "No effect could be tried. All innovations are white: they ask for none."
     enough = " and moves a sensor enough to be told" if any(one.small for one in closed.rounds[-1].trials) else ""
     return f"None of the {tried} effects and faults tried passes the tests{enough}, and all innovations are white."
+
+
+def _correlated(closed: ClosedLoop, coloured: Sequence[str], tried: int) -> str:
+    chance = min(test.p_value for test in closed.whiteness) * len(closed.whiteness)
+    return (
+        f"The innovations of {', '.join(coloured)} are correlated in time ({p_text(chance)}): something is missing, or "
+        f"the noise of the sensor is coloured. None of the {tried} effects and faults tried explains it well enough to "
+        "be believed."
+    )
 
 
 def _or_twins(closed: ClosedLoop, added: Added) -> str:
@@ -292,8 +298,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
     own = _names(closed)
     notes += [sentence(one, own) for one in closed.cautions]
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
-    notes += grouped_notes(logs)
-    return notes
+    return notes + grouped_notes(with_notes_of_used_rates(logs, closed.corrected_built.equations))
 
 
 def _names(closed: ClosedLoop) -> set[str]:

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from bondgraph.build import build
-from bondgraph.correct.fits.rates import rated, with_followed_rates
+from bondgraph.correct.fits.rates import rated, with_followed_rates, with_notes_of_used_rates
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.data.log import MatchedLog
@@ -148,6 +148,9 @@ def test_logs_get_the_slopes_of_their_inputs_and_say_so() -> None:
     (made,) = rated([log], plain, wide)
     assert_allclose(made.u, [[0.0, 2.0, 1.0], [2.0, -0.5, -0.5]])
     assert "the slope of input 'speed' is taken from its samples" in made.notes[-1]
+    assert with_notes_of_used_rates([made], build(with_followed_rates(shaker())).equations)[0].notes == log.notes
+    table = build(with_followed_rates(with_table())).equations
+    assert with_notes_of_used_rates([made], table)[0].notes == made.notes
 
 
 def test_what_needs_a_rate_that_the_model_does_not_have_is_refused_with_advice() -> None:

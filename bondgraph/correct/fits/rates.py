@@ -18,6 +18,7 @@ from bondgraph.declare.editing import copy, handle, with_input_rates
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation
+from bondgraph.derive.equations import Assignment, ImplicitLoop, StateEquations
 from bondgraph.errors import BondGraphError
 from bondgraph.simulate.model import Model
 
@@ -87,8 +88,21 @@ def _rated(log: MatchedLog, before: Model, after: Model) -> MatchedLog:
             rows.append(log.u[own.index(info.name)])
         else:
             rows.append(slopes(log.time, log.u[own.index(info.rate_of)]))
-            notes.append(
-                f"the slope of input {info.rate_of!r} is taken from its samples, for laws that would store energy "
-                "beside it: nothing is to be done unless one of these is found"
-            )
+            notes.append(_note(info.rate_of))
     return replace(log, u=np.array(rows).reshape(-1, log.time.size), notes=tuple(notes))
+
+
+def _note(name: str) -> str:
+    return f"the slope of input {name!r} is taken from its samples, since energy is stored that follows it"
+
+
+def with_notes_of_used_rates(logs: Sequence[MatchedLog], equations: StateEquations) -> list[MatchedLog]:
+    """Logs without the notes on slopes that no equation of a model uses."""
+    loops = [one for one in equations.assignments if isinstance(one, ImplicitLoop)]
+    said = [one for one in equations.assignments if isinstance(one, Assignment)]
+    said += [one for loop in loops for one in loop.body]
+    every = [one.expression for one in said] + [one.expression for one in equations.outputs]
+    every += [*equations.derivatives, *(residual for loop in loops for residual in loop.residuals)]
+    used = {symbol for expression in every for symbol in expression.free_symbols}
+    idle = {_note(one.rate_of) for one in equations.inputs if one.rate_of and one.symbol not in used}
+    return [replace(log, notes=tuple(note for note in log.notes if note not in idle)) for log in logs]
