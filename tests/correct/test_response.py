@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from bondgraph import effects
+from bondgraph.build import build
 from bondgraph.compile.machine_code import has_numba
 from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.models.candidates import Candidate, candidates, places
@@ -18,11 +19,12 @@ from bondgraph.correct.places.structure import structure
 from bondgraph.correct.scores.gates import best_gated, gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import copy, handle
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.linear.recursion import _carried, _in_numpy
-from bondgraph.filter.linear.response import Change, _phi
+from bondgraph.filter.linear.response import Change, _phi, own_states
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 
 
@@ -92,6 +94,20 @@ def test_the_integrals_of_the_exponential_are_those_of_an_augmented_matrix(size:
         exact = expm(wide)[:4]
         found = np.concatenate([whole[k], first[k], second[k]], axis=1)
         assert np.abs(found - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+def test_a_state_of_a_law_is_carried_along_alone_as_beside_another(linear: Linearisation) -> None:
+    alone = added(effects.viscoelastic_drag, "runner", 2.0)
+    both = copy(alone)
+    both.integral("way", handle(both, "runner").flow, "m", "another state of its own")
+    found = []
+    for graph in (alone, both):
+        model = build(graph).model
+        own = [name for name in model.names("state") if name not in built().model.names("state")]
+        carried = own_states(linear.logs[0].path, model, model.theta())
+        found.append(carried[own.index("follows_viscoelastic_drag_runner") if len(own) > 1 else 0])
+    assert np.ptp(found[0]) > 0.0
+    assert found[0] == pytest.approx(found[1], rel=1e-12, abs=1e-14)
 
 
 def test_a_gated_response_is_that_of_an_effect_that_begins_there(

@@ -19,6 +19,7 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -369,11 +370,19 @@ def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
     whole, first, second = _phi(slope * lengths)
     driven = lengths * (first @ levels[0][:, :, np.newaxis] + second @ (levels[1] - levels[0])[:, :, np.newaxis])
     moved = -np.linalg.pinv(slope[0]) @ levels[0][0] if slope.shape[0] else np.zeros(start.size)
+    if start.size == 1:  # of floats the recursion takes a thirtieth of the time that it takes of arrays
+        steps = zip(whole[:, 0, 0].tolist(), driven[:, 0, 0].tolist(), strict=True)
+        found[0] = start[0] + np.array(list(accumulate(steps, _follow, initial=float(moved[0]))))
+        return found
     found[:, 0] = start + moved
     for k in range(lengths.shape[0]):
         moved = whole[k] @ moved + driven[k, :, 0]
         found[:, k + 1] = start + moved
     return found
+
+
+def _follow(moved: float, step: tuple[float, float]) -> float:
+    return step[0] * moved + step[1]
 
 
 def unchanged(path: Path, lanes: int) -> Change:
