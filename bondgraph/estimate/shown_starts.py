@@ -18,6 +18,7 @@ from bondgraph.estimate.free import Target
 from bondgraph.estimate.initial import InitialRule, at_parameters, directly_measured, first_measured, first_shown
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray
+from bondgraph.estimate.rests import Rests, rests_of, shown_through
 from bondgraph.estimate.shown_by_curves import FLAT, bends, inverted, single_state
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.late import first_inputs
@@ -25,6 +26,10 @@ from bondgraph.simulate.model import Model
 
 #: A start that moves by less than this share of the largest slope does not follow: slopes are differences.
 _TELLING = 1e-6
+#: Slopes of what states at rest show are differences over this share of a parameter, the cube root of what is rounded.
+_APART = 6e-6
+#: The least parameter that is not counted as zero there.
+_LEAST = 1e-12
 
 
 @dataclass(frozen=True)
@@ -47,11 +52,13 @@ class ShownStarts:
     """How the states of a log begin that an output shows by a law with free parameters in it.
 
     ``model`` and ``log`` are what begins; ``shown`` the states; ``follows`` the other states that begin on a line in
-    them, with their positions; ``at_parameters`` those that are declared to begin at an expression of parameters.
+    them, with their positions; ``at_parameters`` those that are declared to begin at an expression of parameters;
+    ``rests`` those that begin at rest beside the others.
     """
 
     model: Model
     log: MatchedLog
+    rests: Rests
     shown: tuple[ShownStart, ...]
     follows: tuple[tuple[int, Follow], ...] = ()
     at_parameters: tuple[int, ...] = ()
@@ -59,7 +66,7 @@ class ShownStarts:
     @property
     def move(self) -> bool:
         """True where any of them depends on a parameter."""
-        return bool(self.shown or self.at_parameters)
+        return bool(self.shown or self.at_parameters or self.rests.rows)
 
     def begun(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
         """Initial states (n_x, members) at parameters (n_theta, members), others as in ``x0`` (n_x, members)."""
@@ -68,16 +75,18 @@ class ShownStarts:
         rows = list(self.at_parameters)
         moved = np.zeros_like(x0)
         with np.errstate(all="ignore"):
+            x0 = self.rests.states(self._at(theta, x0))
+            leads = self.rests.leads(self._at(theta, x0))
             if rows:
                 moved[rows] = self.model.x0(self._at(theta, x0)[3])[rows] - x0[rows]
             if not self.shown:
-                return x0 + self._followed(moved)
+                return x0 + self._followed(moved, leads)
             shows = self.model.output(*self._at(theta, x0))
             slopes = self._by_states(theta, x0)
             for one in self.shown:
                 step = (one.value - shows[one.output]) / slopes[one.output, one.state]
                 moved[one.state] = self._along_curve(one, theta, x0) if one.curved else step
-        return x0 + self._followed(moved)
+        return x0 + self._followed(moved, leads)
 
     def _along_curve(self, one: ShownStart, theta: FloatArray, x0: FloatArray) -> FloatArray:
         """By how much (members,) a state is elsewhere where a curve shows it; zero where the curve does not tell."""
@@ -85,7 +94,7 @@ class ShownStarts:
         def curve(moved: FloatArray) -> tuple[FloatArray, FloatArray]:
             away = np.zeros_like(x0)
             away[one.state] = moved
-            there = x0 + self._followed(away)
+            there = x0 + self._followed(away, self.rests.leads(self._at(theta, x0)))
             shows = self.model.output(*self._at(theta, there))[one.output]
             return shows, self._by_states(theta, there)[one.output, one.state]
 
@@ -105,6 +114,12 @@ class ShownStarts:
                 found[one.state] = np.where(ratio < 1.0 / FLAT, ratio, 1.0) if one.curved else ratio
         return found
 
+    def as_said(self, one: ShownStart, theta: FloatArray) -> ShownStart:
+        """A shown start with the slope of its output at parameters (n_theta,)."""
+        x0 = self.model.x0(theta)
+        slope = float(self._by_states(theta[:, np.newaxis], x0[:, np.newaxis])[one.output, one.state, 0])
+        return replace(one, slope=slope) if np.isfinite(slope) and slope else one
+
     def slopes(self, theta: FloatArray, x0: FloatArray, turned: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Derivatives (n_x, n) of both of the above by coordinates; ``turned`` (n_theta, n) are those of theta.
 
@@ -117,6 +132,7 @@ class ShownStarts:
         if self.at_parameters:
             rows = list(self.at_parameters)
             moved[rows] = self.model.jacobian_theta(*self._at(theta, x0), "start")[rows, :, 0] @ turned
+        leads, rested = self.rests.leads(self._at(theta, x0)), self.rests.by_coordinates(self._at(theta, x0), turned)
         for one in self.shown:
             away = np.zeros_like(x0)
             away[one.state] = 1.0
@@ -126,15 +142,34 @@ class ShownStarts:
                     continue  # it tells nothing there, and the start stays
                 here, there = (
                     self.model.jacobian_theta(*self._at(theta, at), "output")[one.output, :, 0] @ turned
-                    for at in (x0, x0 + self._followed(away))
+                    for at in (x0, x0 + self._followed(away, leads))
                 )
-                moved[one.state] = -here / by_state
+                alone = self.model.jacobian_x(*self._at(theta, x0), "output")[one.output, :, 0]
+                moved[one.state] = -(here + alone[self.rests.own] @ rested) / by_state
                 bent = there - here
-                if one.curved:
-                    along = (self._followed(away)[:, 0], moved[one.state])
+                if self.rests.rows:
+                    bent = self._bent(one, theta, x0, turned, moved)
+                elif one.curved:
+                    along = (self._followed(away, leads)[:, 0], moved[one.state])
                     bent = bends(self.model, self._at(theta, x0), (one.output, one.state), along, turned)
                 wider[one.state] = -abs(one.slope / by_state) * bent / by_state
-        return self._followed(moved), wider
+        moved = self._followed(moved, leads)
+        moved[self.rests.own] += rested
+        return moved, wider
+
+    def _bent(
+        self, one: ShownStart, theta: FloatArray, x0: FloatArray, turned: FloatArray, moved: FloatArray
+    ) -> FloatArray:
+        """Derivatives (n,) of an output's slope by coordinates, where states at rest show it; by differences."""
+        size = np.max(np.abs(turned) / np.maximum(np.abs(theta), _LEAST), axis=0)
+        step = _APART / np.where(size > 0.0, size, 1.0)
+        leads = self.rests.leads(self._at(theta, x0))
+        sides = (
+            self._by_states(theta + side * turned, x0 + self._followed(side * moved, leads))[one.output, one.state]
+            for side in (step, -step)
+        )
+        found: FloatArray = np.subtract(*sides) / (2.0 * step)
+        return found
 
     def _at(self, theta: FloatArray, x0: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
         """Arguments of equations at the first sample, parameters known for the log in their place."""
@@ -148,18 +183,21 @@ class ShownStarts:
         """Derivatives of the outputs by the states (n_y, n_x, members), with what follows each of them."""
         names = self.model.names("state")
         alone = self.model.jacobian_x(*self._at(theta, x0), "output")
-        found = alone.copy()
+        found: FloatArray = alone + np.einsum(
+            "orm,rjm->ojm", alone[:, self.rests.own], self.rests.leads(self._at(theta, x0))
+        )
         for row, follow in self.follows:
             for name, slope in follow.slopes:
                 if name in names:
                     found[:, names.index(name)] += slope * alone[:, row]
         return found
 
-    def _followed(self, moved: FloatArray) -> FloatArray:
-        """Shifts (n_x, lanes) of states with those of what follows them."""
+    def _followed(self, moved: FloatArray, leads: FloatArray) -> FloatArray:
+        """Shifts (n_x, lanes) of states with those of what follows them; ``leads`` see :meth:`Rests.leads`."""
         names = self.model.names("state")
         for row, follow in self.follows:
             moved[row] = sum(slope * moved[names.index(name)] for name, slope in follow.slopes if name in names)
+        moved[self.rests.own] = (leads * moved).sum(axis=1)
         return moved
 
 
@@ -253,19 +291,20 @@ def shown_starts(
     """
     own, said = {model.index("parameter", one.name) for one in moved if one.kind == "parameter"}, model.theta()
     begun = _free_starts(log, moved)
-    lines = tuple((model.index("state", name), one) for name, one in follows.items() if name not in begun)
+    rests = rests_of(model, own, [name for name, one in follows.items() if one.rests and name not in begun])
+    rows = {name: model.index("state", name) for name in follows if name not in begun}
+    lines = tuple((row, follows[name]) for name, row in rows.items() if row not in rests.rows)
     declared = [k for k in at_parameters(model, log, theta, rule, follows) if model.states[k].name not in begun]
     moving = _moving(model, own, declared)
     found: list[ShownStart] = []
-    jacobian = model.program.jacobian("output", "theta") if own and rule in ("measured", "settled") else None
-    if jacobian is not None and own.intersection(map(int, jacobian.columns)):
-        pairs = zip(jacobian.rows, jacobian.columns, strict=True)
-        translated = {int(row) for row, column in pairs if int(column) in own}
+    translated = shown_through(model, own, rests) if own and rule in ("measured", "settled") else set()
+    if translated:
         away = directly_measured(model, first_inputs(model, log), _moved(model, own), follows)
         straight = {output: state for output, (state, _, _) in away.items()}
         here = [one for one in _begun_at_outputs(model, log, said, moved, follows) if one.output in translated]
         found = list(filter(None, (_anywhere(one, model, straight.get(one.output), follows) for one in here)))
-    return ShownStarts(model, log, tuple(found), lines if found or moving else (), moving)
+    starts = ShownStarts(model, log, rests, tuple(found), lines if found or moving else (), moving)
+    return replace(starts, shown=tuple(starts.as_said(one, said) for one in found)) if rests.rows else starts
 
 
 def _anywhere(one: ShownStart, model: Model, straight: int | None, follows: Mapping[str, Follow]) -> ShownStart | None:

@@ -157,7 +157,7 @@ class FilterModel:
         plain = [
             (name, _plain(value)) for name, value in own.items() if name not in ("model", "plan", "follows", "robust")
         ]
-        starts = [(name, one.constant, one.slopes) for name, one in self.follows.items()]
+        starts = [(name, one.constant, one.slopes, one.rests) for name, one in self.follows.items()]
         content: tuple[object, ...] = (self.model.text, None if self.plan is None else self.plan.content, starts, plain)
         content += () if self.robust is None else ((self.robust.kind, self.robust.value),)
         return hashlib.sha256(repr(content).encode()).hexdigest()

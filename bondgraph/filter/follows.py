@@ -15,6 +15,9 @@ from bondgraph.simulate.model import Model
 class Follow:
     """Where a state starts: on a straight line in other states and in inputs, by name, at the first sample.
 
+    One that ``rests`` starts where its rate vanishes; the line is that at the parameters of which it was told, and
+    moves with them.
+
     Examples
     --------
     >>> Follow(1.0, (("w_motor", 0.25), ("torque", 2.0))).value({"w_motor": 40.0, "torque": 1.5, "w_fan": 0.0})
@@ -23,6 +26,7 @@ class Follow:
 
     constant: float
     slopes: tuple[tuple[str, float], ...] = ()
+    rests: bool = False
 
     def value(self, known: Mapping[str, float]) -> float:
         """The start, given states and inputs by name; one that is not known has no part in it."""

@@ -84,10 +84,8 @@ def at_rest(
     middle = point[own] - np.linalg.solve(by_x[:, own], rates)
     constants = middle - slopes @ np.concatenate([point[rest], u])
     signals = (*(model.names("state")[k] for k in rest), *model.names("input"))
-    return {
-        model.names("state")[row]: Follow(float(constants[k]), tuple(zip(signals, map(float, slopes[k]), strict=True)))
-        for k, row in enumerate(own)
-    }
+    lines = [tuple(zip(signals, map(float, row), strict=True)) for row in slopes]
+    return {model.names("state")[row]: Follow(float(constants[k]), lines[k], rests=True) for k, row in enumerate(own)}
 
 
 _Bonds = Callable[[FloatArray, FloatArray], FloatArray]
