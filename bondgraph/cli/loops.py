@@ -21,6 +21,7 @@ from bondgraph.cli.values import names, set_values
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
 from bondgraph.data.matching import read_mapping
+from bondgraph.declare.effect import EffectFunction
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.journal import Journal
@@ -38,6 +39,7 @@ from bondgraph.report.saved_correction import write_closed_loop
 def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
     declared = load_graph(options.graph)
+    functions = chosen_effects(options.effects, options.without)
     graph, given = set_values(inputs_between(declared, options), options.set)
     logs = training_and_held_out(
         build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given,
@@ -45,7 +47,7 @@ def close_loop(options: argparse.Namespace) -> int:
     )  # fmt: skip
     for line in logs.said:
         say(line, sys.stderr)
-    closed, made = _closed(options, graph, logs)
+    closed, made = _closed(options, graph, logs, functions)
     known = {one.candidate.function.__name__ for turn in closed.rounds for one in turn.trials}
     known |= {one.effect for turn in closed.rounds for one in turn.refused}
     if unheard := without_place(options.effects, known):
@@ -61,6 +63,7 @@ def close_loop(options: argparse.Namespace) -> int:
 def demo(options: argparse.Namespace) -> int:
     """Simulate a machine with an undeclared effect, close the loop on its logs, then compare with the truth."""
     bench = importlib.import_module(options.module)
+    functions = chosen_effects(options.effects, options.without)
     folder = output_folder(Path(options.out))
     print(f"seed {options.seed}: simulating drives of a machine with an effect that {bench.GRAPH} does not declare")
     missing = None if options.no_effect else bench.pick(options.seed)
@@ -68,7 +71,7 @@ def demo(options: argparse.Namespace) -> int:
     graph = load_graph(bench.GRAPH)
     print(f"closing the loop on {', '.join(path.name for path in data)}; {holdout[0].name} is held out")
     logs = training_and_held_out(build(graph).model, data, holdout, {}, options.rate)
-    closed, made = _closed(options, graph, logs)
+    closed, made = _closed(options, graph, logs, functions)
     print(summary(write_closed_loop(closed, folder, made)))
     print(f"report: {folder / 'report.html'}")
     answer = compare_with_truth(closed, truth.effect, truth.junction, truth.coefficients)
@@ -77,10 +80,11 @@ def demo(options: argparse.Namespace) -> int:
     return 0 if answer.correct else 1
 
 
-def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tuple[ClosedLoop, Provenance]:
+def _closed(
+    options: argparse.Namespace, graph: BondGraph, logs: Splits, functions: Sequence[EffectFunction]
+) -> tuple[ClosedLoop, Provenance]:
     """The closed loop, and how it was made."""
     started = time.monotonic()
-    functions = chosen_effects(options.effects, options.without)
     journal = _journal(options)
     with open_executor(options.executor) as workers, WorkProgress("closing the loop", None) as work:
         settings = LoopSettings(
