@@ -14,6 +14,7 @@ refitting.
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -245,6 +246,7 @@ def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     return own or tuple(filter(is_effect_function, public))
 
 
+@functools.cache
 def is_effect_function(function: Callable[..., object]) -> bool:
     """Whether a function says that it takes a graph and a place and returns an effect or None."""
     hints = get_type_hints(function, getattr(function, "__globals__", {}) | globals())

@@ -5,6 +5,8 @@ Their numbers are round ones of laboratory benches; nothing depends on them but 
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import pi
@@ -25,23 +27,18 @@ class Bench:
     graph: BondGraph
     scales: Mapping[str, Scale]
 
-    def places(self) -> list[Place]:
+    @functools.cached_property
+    def places(self) -> tuple[Place, ...]:
         """All its junctions, bonds, pairs of junctions of one kind and domain, and sensors."""
         g = self.graph
-        known = {name: domain for name, domain in node_domains(g).items() if g.nodes[name].is_junction}
-        found = [Place(handle(g, name), self._scale(name)) for name in known]
-        found += [
-            Place(handle(g, bond.source), self._scale(bond.source), bond) for bond in g.bonds if bond.source in known
-        ]
-        for k, first in enumerate(known):
-            for second in list(known)[k + 1 :]:
-                if known[first] == known[second] and g.nodes[first].kind == g.nodes[second].kind:
-                    found.append(Place.between(handle(g, first), handle(g, second), self._scale(first)))
-        return found + [Place.sensor(output.name, Scale(10.0, 5.0)) for output in g.outputs]
-
-    def _scale(self, junction: str) -> Scale:
-        domain = handle(self.graph, junction).domain
-        return self.scales[domain.name if domain else ""]
+        known = {name: handle(g, name) for name in node_domains(g) if g.nodes[name].is_junction}
+        scales = {name: self.scales[one.domain.name if one.domain else ""] for name, one in known.items()}
+        found = [Place(one, scales[name]) for name, one in known.items()]
+        found += [Place(known[bond.source], scales[bond.source], bond) for bond in g.bonds if bond.source in known]
+        for first, second in itertools.combinations(known.values(), 2):
+            if (first.domain, first.kind) == (second.domain, second.kind):
+                found.append(Place.between(first, second, scales[first.name]))
+        return (*found, *(Place.sensor(output.name, Scale(10.0, 5.0)) for output in g.outputs))
 
 
 def drive() -> Bench:

@@ -65,6 +65,7 @@ class Entry:
         return tuple(one.unit for one in self.coefficients if not one.shape)
 
 
+@functools.cache
 def modules() -> tuple[ModuleType, ...]:
     """The modules of the package that define effects."""
     found = pkgutil.iter_modules(dictionary.__path__, f"{dictionary.__name__}.")
@@ -100,11 +101,12 @@ def catalogue() -> tuple[Entry, ...]:
     ['quadratic_loss', 'orifice_loss']
     """
     benches = {domain: make() for domain, make in BENCHES.items()}
+    default = frozenset((*effect_functions(dictionary), *SENSOR_FAULTS))
     rows: list[Entry] = []
     for function in every_effect().values():
         own: dict[str, Entry] = {}
         for domain, bench in benches.items():
-            for entry in _entries(function, domain, bench):
+            for entry in _entries(function, domain, bench, function in default):
                 known = own.get(entry.name)
                 own[entry.name] = entry if known is None else _also_in(known, entry)
         rows += own.values()
@@ -137,17 +139,16 @@ def named(name: str) -> tuple[Entry, ...]:
 
 def added(function: EffectFunction, bench: Bench) -> Iterator[tuple[Place, Effect, BondGraph]]:
     """The places of a bench that take an effect, what it added there, and the graph with it."""
-    for place in bench.places():
+    for place in bench.places:
         graph = copy(bench.graph)
         effect = function(graph, place) if is_for(function, place) else None
         if effect is not None:
             yield place, effect, graph
 
 
-def _entries(function: EffectFunction, domain: str, bench: Bench) -> Iterator[Entry]:
+def _entries(function: EffectFunction, domain: str, bench: Bench, default: bool) -> Iterator[Entry]:
     """One row for each name that an effect has at the places of a bench."""
     seen: set[str] = set()
-    default = (*effect_functions(dictionary), *SENSOR_FAULTS)
     for place, effect, graph in added(function, bench):
         if effect.name in seen or (domain != "mechanical" and place.output):
             continue
@@ -155,7 +156,7 @@ def _entries(function: EffectFunction, domain: str, bench: Bench) -> Iterator[En
         yield Entry(
             effect.name, function.__name__, function.__module__, (_domain(place, domain),), _where(place),
             inspect.getdoc(function) or "", effect.law, _coefficients(effect, place, graph), effect.dissipative,
-            effect.reference, effect.manoeuvre, function in default,
+            effect.reference, effect.manoeuvre, default,
         )  # fmt: skip
 
 

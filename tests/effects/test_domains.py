@@ -275,7 +275,7 @@ def test_heat_passes_between_any_two_bodies() -> None:
 
 def test_an_effect_between_junctions_is_offered_pairs_alone() -> None:
     tank = Place(handle(bench("hydraulic").graph, "first"), Scale(1.0, 1.0))
-    pair = next(place for place in bench("hydraulic").places() if place.other is not None)
+    pair = next(place for place in bench("hydraulic").places if place.other is not None)
     assert is_for(effects.leak_between, pair) and not is_for(effects.leak_between, tank)
     assert is_for(effects.creep, tank) and not is_for(effects.creep, pair)
 
@@ -283,7 +283,7 @@ def test_an_effect_between_junctions_is_offered_pairs_alone() -> None:
 def test_no_place_is_offered_many_laws() -> None:
     """Each law more costs power; sources that follow a command have laws of their own."""
     for domain in BENCHES:
-        for place in bench(domain).places():
+        for place in bench(domain).places:
             count = sum(
                 1
                 for function in effects_by_default()

@@ -79,7 +79,7 @@ def test_a_node_with_a_capacity_takes_what_flows_in_and_not_out(c: float, volume
 def test_only_lines_and_nodes_without_a_storage_of_their_own_are_offered_one(domain: str) -> None:
     offered = []
     bench = BENCHES[domain]()
-    for place in bench.places():
+    for place in bench.places:
         for function in (effects.line_inertia, effects.node_capacity):
             g = copy(bench.graph)
             if function(g, placed(g, place)) is not None:
