@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ast
 import builtins
-import functools
 import math
 from collections.abc import Callable, Mapping
 from types import ModuleType
@@ -120,11 +119,6 @@ def require_function(namespace: Mapping[str, Any], name: str, source: str) -> Ca
             " - regenerate the module",
             where=(source, name),
         )
-    quiet: Callable[..., Any] = functools.partial(_quietly, function)
+    # np.where evaluates the branch it does not take
+    quiet: Callable[..., Any] = np.errstate(all="ignore")(function)
     return quiet
-
-
-def _quietly(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call without floating-point warnings: ``np.where`` evaluates the branch it does not take."""
-    with np.errstate(all="ignore"):
-        return function(*arguments)

@@ -7,6 +7,7 @@ is the rate of another (a storage follows that one) is its slope there.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Container
 from dataclasses import dataclass
 from typing import Any
@@ -39,8 +40,13 @@ class InputSegment:
 
     def at(self, t: float) -> FloatArray:
         """Inputs at ``t``, shape (n_u,)."""
-        values: FloatArray = self.left + (self.right - self.left) * ((t - self.start) / (self.end - self.start))
+        values: FloatArray = self.left + self._rise * ((t - self.start) / (self.end - self.start))
         return values
+
+    @functools.cached_property
+    def _rise(self) -> FloatArray:
+        """What the inputs rise by over the stretch, asked for at each of many times in it."""
+        return self.right - self.left
 
 
 @dataclass(frozen=True, repr=False)

@@ -194,17 +194,18 @@ class Adaptive(AbstractIntegrator):
 
         solver = getattr(scipy.integrate, self.method)(rhs, state.time, state.x, end, rtol=self.rtol, atol=atol)
         filled, steps = 0, state.steps
+        beyond = _DIVERGED * np.maximum(scale, 1.0)
         while solver.status == "running":
             if steps >= self.max_steps:
                 return IntegratorState(float(solver.t), solver.y, steps, Outcome.STEP_LIMIT)
             solver.step()
             steps += 1
-            if solver.status == "failed" or not np.all(np.abs(solver.y) < _DIVERGED * np.maximum(scale, 1.0)):
+            if solver.status == "failed" or not (np.abs(solver.y) < beyond).all():
                 return IntegratorState(float(solver.t), solver.y, steps, Outcome.DIVERGED)
             is_asked = filled < times.size and times[filled] <= solver.t
             dense: Any = solver.dense_output() if is_asked or until is not None else None
             stop = None if until is None else until(float(solver.t_old), float(solver.t), dense)
-            reached = int(np.searchsorted(times, solver.t if stop is None else stop, side="right"))
+            reached = int(times.searchsorted(solver.t if stop is None else stop, side="right"))
             if reached > filled:
                 values[:, filled:reached] = dense(times[filled:reached])
                 filled = reached

@@ -13,6 +13,7 @@ from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import ModelError
 from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.hybrid import integrate_hybrid
+from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4, AbstractIntegrator, Adaptive, Equations
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
@@ -183,14 +184,18 @@ def _integrate(rhs: Equations, integrator: AbstractIntegrator, task: Task) -> tu
     times = task.times
     breaks = task.signal.break_points(times[0], times[-1])
     edges = np.unique(np.concatenate([times[:1], breaks, times[-1:]]))
+    starts, ends = task.signal.intervals(edges)
+    first, *last = np.searchsorted(times, edges, side="right").tolist()
     x = np.full((task.x0.size, times.size), np.nan)
     x[:, 0] = task.x0
     state = integrator.init(float(times[0]), task.x0)
-    for left, right in itertools.pairwise(edges.tolist()):
-        inside = np.flatnonzero((times > left) & (times <= right))
-        asked = np.union1d(times[inside], right)
-        values, state = integrator.step(rhs, task.signal.segment(left, right), asked, state)
-        x[:, inside] = values[:, : inside.size]
+    for k, (left, right) in enumerate(itertools.pairwise(edges.tolist())):
+        inside = times[first : last[k]]
+        asked = inside if inside.size and inside[-1] == right else np.append(inside, right)
+        segment = InputSegment(left, right, starts[:, k], ends[:, k])
+        values, state = integrator.step(rhs, segment, asked, state)
+        x[:, first : last[k]] = values[:, : inside.size]
+        first = last[k]
         if state.outcome is not Outcome.OK:
             break
     return x, state.outcome, state.time
