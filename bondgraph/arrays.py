@@ -17,6 +17,8 @@ BoolArray = npt.NDArray[np.bool_]
 
 #: Bytes of a cache line, which is also the longest vector of a processor.
 _LINE = 64
+#: Numbers of a cache line.
+LINE = _LINE // np.dtype(np.float64).itemsize
 
 
 def aligned_zeros(*shape: int) -> FloatArray:
@@ -28,8 +30,8 @@ def aligned_zeros(*shape: int) -> FloatArray:
     >>> rows.shape, rows.ctypes.data % 64
     ((3, 16), 0)
     """
-    size, spare = math.prod(shape), _LINE // np.dtype(np.float64).itemsize
-    memory = np.zeros(size + spare)
+    size = math.prod(shape)
+    memory = np.zeros(size + LINE)
     first = -memory.ctypes.data % _LINE // memory.itemsize
     return memory[first : first + size].reshape(shape)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from bondgraph.arrays import FloatArray, IntArray, aligned_zeros
+from bondgraph.arrays import LINE, FloatArray, IntArray, aligned_zeros
 from bondgraph.compile.lanes.load import LaneModel, load_lanes
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import load_translated
@@ -205,12 +206,23 @@ def scratch(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
         "nll": (),
         "pivot": (),
     }
-    arrays = {name: aligned_zeros(*shape, width) for name, shape in shapes.items()}
+    arrays = _arrays({name: (*shape, width) for name, shape in shapes.items()})
     whole = (np.zeros(size, dtype=np.int64) for size in (width, width, width, n_y))
     floored, code, who, channels = whole
     own = {"buffer": lanes.buffer(), "clock": np.zeros(2), "inputs": np.zeros(2 * len(model.inputs))}
     alone = _alone(arrays, channels)
     return Work(floored=floored, code=code, who=who, channels=channels, alone=alone, **arrays, **own)
+
+
+def _arrays(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, FloatArray]:
+    """Arrays of zeros that share one piece of memory, each from a cache line on: a piece for each takes longer."""
+    lines = [-(-math.prod(shape) // LINE) for shape in shapes.values()]
+    rows, first = aligned_zeros(sum(lines) * LINE), 0
+    found = {}
+    for (name, shape), count in zip(shapes.items(), lines, strict=True):
+        found[name] = rows[first : first + math.prod(shape)].reshape(shape)
+        first += count * LINE
+    return found
 
 
 def _alone(arrays: dict[str, FloatArray], channels: IntArray) -> Alone:
