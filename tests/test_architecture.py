@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import ast
 import fnmatch
+import functools
 import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import networkx as nx
@@ -90,14 +90,25 @@ def _room(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def _imports(path: Path) -> Iterator[tuple[int, str]]:
+def _imports(path: Path) -> tuple[tuple[int, str], ...]:
     """Full names of everything a module imports, wherever in it, with the line."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    return _read(path.read_text(encoding="utf-8"))[0]
+
+
+@functools.cache
+def _read(text: str) -> tuple[tuple[tuple[int, str], ...], tuple[tuple[str, int], ...]]:
+    """The imports of a module, and its functions with their lines: each module is parsed for one test only."""
+    imports: list[tuple[int, str]] = []
+    functions: list[tuple[str, int]] = []
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
+            imports += ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = "." * node.level + (node.module or "")
-            yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+            imports += ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+        elif isinstance(node, ast.FunctionDef):
+            functions.append((node.name, _body_lines(node)))
+    return tuple(imports), tuple(functions)
 
 
 def _import_errors(path: Path) -> list[str]:
@@ -308,10 +319,10 @@ def _body_lines(function: ast.FunctionDef) -> int:
 
 def test_functions_stay_small() -> None:
     too_long = [
-        f"{_name(path)}: {node.name} has {_body_lines(node)} lines"
+        f"{_name(path)}: {name} has {lines} lines"
         for path in _modules()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.FunctionDef) and _body_lines(node) > FUNCTION_LINES
+        for name, lines in _read(path.read_text(encoding="utf-8"))[1]
+        if lines > FUNCTION_LINES
     ]
     assert too_long == []
 
