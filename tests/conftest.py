@@ -39,13 +39,29 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
+#: Rooms whose tests look at pictures only where they are marked so.
+UNDRAWN = ("cli", "correct", "estimate", "exchange", "vehicle_graphs")
+
+
+@pytest.fixture(autouse=True)
+def _pictures(request: pytest.FixtureRequest) -> None:
+    """Reports of commands have eight pictures, which take longer than all else that a command does."""
+    room = request.path.relative_to(Path(__file__).parent).parts[0]
+    if room in UNDRAWN and request.node.get_closest_marker("rendered") is None:
+        request.getfixturevalue("undrawn")
+
+
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made, and say what they hold in place of being rendered: for tests that do not look at pictures."""
     from bondgraph.report import embedding, figures
 
-    monkeypatch.setattr(embedding, "figure_svg", lambda figure: f"<svg><!-- {_contents(figure)} --></svg>")
-    monkeypatch.setattr(figures, "picture", lambda figure, ending, **_: f"{ending} {_contents(figure)}".encode())
+    def picture(figure: Any, ending: str = "svg", **_: Any) -> bytes:
+        return f"{ending} {_contents(figure)}".encode()
+
+    monkeypatch.setattr(embedding, "_uri", lambda figure: embedding.svg_uri(picture(figure).decode()))
+    monkeypatch.setattr(embedding, "_narrow", lambda figure: embedding.svg_uri(f"narrow {picture(figure).decode()}"))
+    monkeypatch.setattr(figures, "picture", picture)
 
 
 def _contents(figure: Any) -> str:

@@ -1,4 +1,4 @@
-"""A motor as a graph file, written anew for each test, and pictures that are rendered where a test looks at them."""
+"""A motor as a graph file, written anew for each test, and a run of it."""
 
 from __future__ import annotations
 
@@ -80,10 +80,3 @@ def run_file(tmp_path: Path) -> Path:
     path = tmp_path / "run.csv"
     path.write_text("time [s],u_a [V],omega [rad/s]\n" + "".join(rows), encoding="utf-8")
     return path
-
-
-@pytest.fixture(autouse=True)
-def _pictures(request: pytest.FixtureRequest) -> None:
-    """Reports of commands have eight pictures, which take longer than all else that a command does."""
-    if request.node.get_closest_marker("rendered") is None:
-        request.getfixturevalue("undrawn")

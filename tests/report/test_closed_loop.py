@@ -35,6 +35,7 @@ def test_coefficients_are_told_with_their_units_and_intervals() -> None:
     assert "share = 0.0272 [0.0259, 0.0284]" in summary(bare)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_errors_come_before_the_sizes_that_would_have_been_found(tmp_path: Path) -> None:
     data = replace(coast_down_report(), effects=(), power=(Power("drag", "body", 0.12, "kg/m"),))
     told = summary(data)

@@ -34,7 +34,6 @@ def _records(_: Path) -> tuple[list[Log], list[Log]]:
     return logs[:2], logs[2:]
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_forward_selection_writes_the_report_of_what_it_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

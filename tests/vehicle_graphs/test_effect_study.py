@@ -265,6 +265,7 @@ def test_a_study_goes_on_where_it_stopped_whoever_computes(tmp_path: Path, quick
         Study(tmp_path, BENCH.shortened()).run(cases, seen.append)
 
 
+@pytest.mark.rendered
 def test_the_command_prints_tables_and_writes_results(
     tmp_path: Path, quick: list[Case], capsys: pytest.CaptureFixture[str]
 ) -> None:

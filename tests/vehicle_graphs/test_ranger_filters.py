@@ -99,7 +99,6 @@ def test_a_measured_pitch_is_not_shown_as_the_pitch_of_the_body(
     assert np.std(pitch.measured - pitch.mean) == pytest.approx(left, rel=0.1)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_the_command_filters_with_the_declared_noise(
     coasting: FilterModel,
     coast: tuple[MatchedLog, FilterRun, SmootherRun],

@@ -67,6 +67,7 @@ def test_small_print_of_a_wide_drawing_stands_in_two_columns(drawing: Drawing) -
 # ---------------------------------------------------------------------- manoeuvres
 
 
+@pytest.mark.rendered
 def test_launch_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture, table = tmp_path / "launch.png", tmp_path / "launch.csv"
     chosen = ["--scenario", "full_throttle_launch", "--until", "1.5", "--rtol", "1e-6"]

@@ -57,6 +57,7 @@ def test_a_drive_is_consistent_with_what_was_found(shared_data: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.rendered
 def test_the_command_goes_through_all_stages(
     shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

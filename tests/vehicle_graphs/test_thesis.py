@@ -74,6 +74,7 @@ def test_the_search_fits_the_stage() -> None:
     assert swarm.method == "pso" and swarm.swarm.members * (1 + swarm.swarm.iterations) == 8080
 
 
+@pytest.mark.rendered
 def test_a_study_goes_on_where_it_stopped(tmp_path: Path, quick: list[tuple[str, int]]) -> None:
     run_study(Study(tmp_path, repetitions=3), ["coast-down"])
     assert len(quick) == 6
