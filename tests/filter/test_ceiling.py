@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -33,7 +34,7 @@ def test_a_quick_machine_is_asked_less_often(monkeypatch: pytest.MonkeyPatch) ->
     """A call takes half a millisecond at least, and the kernel a tenth of that for 16 samples of one state."""
     monkeypatch.undo()
     model, whole = pendulum_filter(), driveline_filter()
-    logs, values = three_logs(model, 60), scattered(model, 5)
+    logs, values = three_logs(pendulum_filter, 60), scattered(model, 5)
     capped = likelihood(model, logs, ceilings=likelihood(model, logs, **values).nll.min(), **values)
     ends = np.cumsum([0, *(log.time.size for log in logs)]) / sum(log.time.size for log in logs)
     assert {round(share, 9) for share in capped.share} <= {round(end, 9) for end in ends}  # logs in one part
@@ -45,10 +46,16 @@ def test_a_quick_machine_is_asked_less_often(monkeypatch: pytest.MonkeyPatch) ->
     assert slow < quick < samples
 
 
-def three_logs(model: FilterModel, samples: int) -> list[PlainLog]:
+@functools.cache
+def simulated(make: Callable[..., FilterModel], samples: int) -> PlainLog:
+    """A log of a machine at its declared parameters, which several tests use."""
+    return simulated_log(make(), np.arange(samples) * 0.025, seed=samples)
+
+
+def three_logs(make: Callable[..., FilterModel], samples: int) -> list[PlainLog]:
     """Logs of different lengths in which values are missing here and there."""
     rng = np.random.default_rng(7)
-    logs = [simulated_log(model, np.arange(n) * 0.025, seed=n) for n in (samples, samples // 2, samples + 9)]
+    logs = [simulated(make, n) for n in (samples, samples // 2, samples + 9)]
     return [replace(log, y=np.where(rng.random(log.y.shape) < 0.3, np.nan, log.y)) for log in logs]
 
 
@@ -73,8 +80,8 @@ def check_equal_below(capped: Likelihood, whole: Likelihood, ceilings: np.ndarra
 @BOTH
 def test_values_below_ceilings_are_the_same_in_every_bit(make: Callable[..., FilterModel], compiled: bool) -> None:
     model = make(appended={make().model.parameters[1].name: 0.01})
-    members, samples = (53, 200) if compiled else (6, 40)
-    logs, values = three_logs(model, samples), scattered(model, members)
+    members, samples = (53, 200) if compiled else (6, 24)
+    logs, values = three_logs(make, samples), scattered(model, members)
     whole = likelihood(model, logs, compiled=compiled, **values)
     ceilings = whole.nll + np.random.default_rng(4).normal(0.0, 0.5 * np.std(whole.nll), members)
     for each in (ceilings, np.full(members, np.median(whole.nll)), np.full(members, np.inf), np.full(members, -1e9)):
@@ -86,7 +93,7 @@ def test_values_below_ceilings_are_the_same_in_every_bit(make: Callable[..., Fil
 
 def test_hopeless_members_are_given_up_early() -> None:
     model = driveline_filter()
-    logs, values = three_logs(model, 200), scattered(model, 40)
+    logs, values = three_logs(driveline_filter, 200), scattered(model, 40)
     whole = likelihood(model, logs, **values)
     capped = likelihood(model, logs, ceilings=whole.nll.min(), **values)
     assert capped.abandoned.sum() == 39
@@ -96,7 +103,7 @@ def test_hopeless_members_are_given_up_early() -> None:
 @pytest.mark.parametrize("threads", [1, 2, 7])
 def test_threads_and_company_change_nothing(threads: int) -> None:
     model = driveline_filter()
-    logs, values = three_logs(model, 120), scattered(model, 37)
+    logs, values = three_logs(driveline_filter, 120), scattered(model, 37)
     ceilings = np.full(37, np.percentile(likelihood(model, logs, **values).nll, 30.0))
     together = likelihood(model, logs, ceilings=ceilings, threads=threads, **values)
     assert 0 < together.abandoned.sum() < 37
@@ -108,7 +115,7 @@ def test_threads_and_company_change_nothing(threads: int) -> None:
 @MODELS
 def test_numpy_gives_up_the_same_members_at_the_same_samples(make: Callable[..., FilterModel]) -> None:
     model = make()
-    logs, values = three_logs(model, 60), scattered(model, 5)
+    logs, values = three_logs(make, 60), scattered(model, 5)
     ceiling = np.median(likelihood(model, logs, **values).nll)
     fast, plain = (likelihood(model, logs, ceilings=ceiling, compiled=c, **values) for c in (True, False))
     assert fast.abandoned.any()
@@ -121,7 +128,7 @@ def test_numpy_gives_up_the_same_members_at_the_same_samples(make: Callable[...,
 def test_no_sample_adds_less_than_the_noises_of_its_sensors(make: Callable[..., FilterModel], points: dict) -> None:
     """The bound itself, sample by sample, for noises of every size; beta 0 is the least for which it holds."""
     model = make(**points)
-    (log, *_), values = three_logs(model, 80), scattered(model, 24)
+    (log, *_), values = three_logs(make, 80), scattered(model, 24)
     values["noise_std"] *= np.random.default_rng(5).uniform(1e-3, 10.0, 24)
     (record,) = innovations(model, log, **values)
     good = np.flatnonzero([outcome is Outcome.OK for outcome in record.outcomes])
@@ -134,7 +141,7 @@ def test_no_sample_adds_less_than_the_noises_of_its_sensors(make: Callable[..., 
 def test_where_there_is_no_bound_nobody_is_given_up() -> None:
     """Covariances may lose their sign with beta below zero; a sensor without noise may add any negative amount."""
     model = pendulum_filter(alpha=1.0, beta=-0.5)
-    logs, values = three_logs(model, 60), scattered(model, 8)
+    logs, values = three_logs(pendulum_filter, 60), scattered(model, 8)
     assert not likelihood(model, logs, ceilings=-1e6, **values).abandoned.any()
     values["noise_std"][0, 3] = 0.0
     lowest = likelihood(pendulum_filter(), logs, ceilings=-1e6, **values)

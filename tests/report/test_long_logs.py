@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.simulation import simulate
 
 
+@functools.cache
 def swing(samples: int = 400) -> MatchedLog:
     time = 0.05 * np.arange(samples)
     u = 0.5 * np.sin(0.7 * time)[np.newaxis]

@@ -40,6 +40,7 @@ def kettle(surrounded: bool = True, start: float = 293.15) -> BuiltModel:
     return bg.build(g)
 
 
+@functools.cache
 def driven(seed: int, surrounded: bool = True, room: float = 293.0, begins: float = 295.0) -> MatchedLog:
     """A log in kelvins of a kettle whose parameters are 20 % off their declared values."""
     model, chance = kettle(surrounded).model, np.random.default_rng(seed)

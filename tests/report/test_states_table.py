@@ -39,10 +39,10 @@ def test_values_without_a_deviation_stay_as_they_are() -> None:
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("form", ["csv", "csv.gz", "parquet"])
 def test_states_are_written_as_asked_for(tmp_path: Path, form: str) -> None:
-    tables = {}
+    log, tables = swing(2000), {}
     for rounded in (False, True):
         folder = tmp_path / f"{form}{rounded}"
-        filter_logs(pendulum(), ("rate",), [swing(2000)], folder, table=StatesTable(form, rounded))
+        filter_logs(pendulum(), ("rate",), [log], folder, table=StatesTable(form, rounded))
         path = folder / f"swing_states.{form}"
         tables[rounded] = read_log(path), path.stat().st_size
     (whole, size), (short, smaller) = tables[False], tables[True]
