@@ -18,11 +18,10 @@ from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.filter import kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_record import Record
-from bondgraph.filter.kernel_types import Alone, Log, Members, Part, Rules, Verdicts, Work
+from bondgraph.filter.kernel_types import Alone, Log, Part, Rules, Verdicts, Work
 from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
-from bondgraph.filter.ukf import scaled
 
 #: A call of the functions of a model for a block of eight costs this share of one for the points of a member alone,
 #: which may fill sixteen lanes.
@@ -125,7 +124,7 @@ class CompiledFilter:
             kernel.Equations(self.lanes.prepare, self.lanes.advance, self.lanes.measure),
             log,
             filter_rules(self.filter_model, self.lanes),
-            kernel_members(batch),
+            batch.for_kernels,
             first,
             end,
             part,
@@ -169,15 +168,6 @@ def log_rows(samples: Samples) -> Log:
     start, end = np.ascontiguousarray(samples.noise_start), np.ascontiguousarray(samples.noise_end)
     substeps = np.ascontiguousarray(samples.substeps, dtype=np.int64)
     return Log(time, u, u_left, u_right, y, substeps, np.ascontiguousarray(samples.grading), start, end)
-
-
-def kernel_members(batch: MemberBatch) -> Members:
-    """Members as the kernel reads them."""
-    arrays = (
-        batch.theta, batch.x0, batch.initial_lower(), scaled(batch.process_correlation, batch.process_std),
-        scaled(batch.noise_correlation, np.nan_to_num(batch.noise_std)),
-    )  # fmt: skip
-    return Members(*map(np.ascontiguousarray, arrays))
 
 
 def whole_log(samples: Samples) -> Part:

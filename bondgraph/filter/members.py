@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TypedDict
@@ -12,8 +13,9 @@ import numpy.typing as npt
 from bondgraph.arrays import FloatArray, count_members, member_columns
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.kernel_types import Members
 from bondgraph.filter.samples import Samples
-from bondgraph.filter.ukf import Member
+from bondgraph.filter.ukf import Member, scaled
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.starts import starts_in
 
@@ -62,7 +64,16 @@ class MemberBatch:
         """The numbers of one member."""
         return Member(*(getattr(self, own.name)[..., m] for own in fields(self)))
 
-    def initial_lower(self) -> FloatArray:
+    @functools.cached_property
+    def for_kernels(self) -> Members:
+        """The members as kernels read them, made once for all blocks of them and all parts of a log."""
+        arrays = (
+            self.theta, self.x0, self._initial_lower(), scaled(self.process_correlation, self.process_std),
+            scaled(self.noise_correlation, np.nan_to_num(self.noise_std)),
+        )  # fmt: skip
+        return Members(*map(np.ascontiguousarray, arrays))
+
+    def _initial_lower(self) -> FloatArray:
         """Lower factors of the initial covariances, (n_s, n_s, members)."""
         factors = np.array([_cholesky(matrix) for matrix in np.moveaxis(self.initial_correlation, 2, 0)])
         factors = factors.reshape(self.size, *self.initial_correlation.shape[:2])
