@@ -18,6 +18,7 @@ from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATI
 from bondgraph.declare.editing import split_bond
 from bondgraph.declare.effect import SMOOTHING, Effect, Place
 from bondgraph.declare.elements import Node
+from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import clip, maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
@@ -53,6 +54,11 @@ COMPRESSED = 0.9
 _STRETCH = symbol("displacement")
 #: Volume of air in oil at most, as a multiple of what the oil gives way up to the largest pressure: a convention.
 _MOST_AIR = 10.0
+#: Times the straight part that the current of a core may be at the usual one of its node: iron at a hundredth of its
+#: permeability.
+_MOST_CURRENT = 100.0
+#: Powers of the flux in a current of a core, less one: those of odd polynomials to the eleventh (Greenwood).
+_POWERS = (2.0, 4.0, 6.0, 8.0, 10.0)
 #: Absolute pressure of the surroundings, from which gauges count [Pa].
 _ATMOSPHERE = 1.01325e5
 #: Time in which the effort of a place brings an inertia to its flow that is as large as it may be [s].
@@ -268,13 +274,18 @@ def _stop(
 
 
 def magnetic_saturation(g: BondGraph, at: Place) -> Effect | None:
-    """An inductance that falls as its iron saturates: a linked flux L*i/sqrt(1 + c*i^2) instead of L*i."""
-    coils = elements_at(g, at, "I") if has_flow(at) and at.domain == ELECTRICAL else []
+    """An inductance that falls as its iron saturates: a linked flux L*i/sqrt(1 + c*i^2) instead of L*i.
+
+    Of one at a node, as the core of a transformer is, the current gets a power of the flux: i = flux/L*(1 + ...).
+    """
+    coils = elements_at(g, at, "I") if at.bond is None and at.domain == ELECTRICAL else []
     law = coils[0].law("flow") if len(coils) == 1 else None
     reciprocal = None if law is None else linear_coefficient(law, symbol("momentum"))
     if reciprocal is None or "." in coils[0].name:
         return None
     name = f"magnetic_saturation_{at.name}"
+    if not has_flow(at):
+        return _saturating_core(g, at, coils[0].name, name)
     limit = 2.0 / at.scale.flow**2
     c = g.parameter(f"c_{name}", 0.0, over("1", flow_unit(at), 2), "1 over the square of a current", (0.0, limit))
     inductance = 1 / reciprocal
@@ -283,6 +294,21 @@ def magnetic_saturation(g: BondGraph, at: Place) -> Effect | None:
         "magnetic_saturation", name, "flux = L*flow/sqrt(1 + c*flow^2), L declared", (c.name,),
         reference="Trutt, Erdelyi, Hopkins (1968), IEEE Trans. PAS 87(3)",
         manoeuvre="steps or swings of small and of large current",
+    )  # fmt: skip
+
+
+def _saturating_core(g: BondGraph, at: Place, coil: str, name: str) -> Effect:
+    """A current that grows with a power of the flux beside a straight part, as far as the usual current of the node."""
+    limit = (0.0, _MOST_CURRENT)
+    c = g.parameter(f"c_{name}", 0.0, "1", "current of the iron over that of the straight part, where it is r", limit)
+    right = g.parameter(f"r_{name}", float(f"{at.scale.flow:.3g}"), flow_unit(at), "usual current of the node")
+    m = g.parameter(f"m_{name}", _POWERS[1], "1", "power of the share that the iron takes", (1.0, 2.0 * _POWERS[-1]))
+    flux = signal("flow", coil) / right  # by the straight part: L*flow, over that at the usual current
+    g.flow_source(name, -c * signal("flow", coil) * (flux**2 + SMOOTHING**4) ** (m / 2), at=at.junction)
+    return Effect(
+        "magnetic_saturation", name, "flow = declared*(1 + c*|declared/r|^m)", (c.name,), shapes=(m.name,),
+        grids=((m.name, _POWERS),), reference="Greenwood (1991), Electrical Transients in Power Systems",
+        manoeuvre="steps or swings of small and of large voltage",
     )  # fmt: skip
 
 
