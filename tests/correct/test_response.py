@@ -23,8 +23,9 @@ from bondgraph.declare.editing import copy, handle
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.linear.exponentials import phi
 from bondgraph.filter.linear.recursion import _carried, _in_numpy
-from bondgraph.filter.linear.response import Change, _phi, own_states
+from bondgraph.filter.linear.response import Change, own_states
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 
 
@@ -87,7 +88,7 @@ def test_the_compiled_recursion_is_the_formulas(linear: Linearisation, first: in
 @pytest.mark.parametrize("size", [1e-3, 0.3, 20.0])
 def test_the_integrals_of_the_exponential_are_those_of_an_augmented_matrix(size: float) -> None:
     a = size * (np.random.default_rng(2).standard_normal((3, 4, 4)) - 2.0 * np.eye(4))
-    whole, first, second = _phi(a)
+    whole, first, second = phi(a)
     for k in range(3):
         wide = np.zeros((12, 12))
         wide[:4, :4], wide[:4, 4:8], wide[4:8, 8:] = a[k], np.eye(4), np.eye(4)

@@ -16,7 +16,6 @@ of Abrupt Changes, chapter 8.
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -28,14 +27,13 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.exponentials import phi
 from bondgraph.filter.linear.intervals import NODES, Kicks, filter_transitions, kicks
 from bondgraph.filter.samples import Samples
 from bondgraph.simulate.inputs import hold_flags
 from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
-#: Terms of the Taylor series of the phi functions, after scaling to a norm below one half.
-_TERMS = 9
 #: Finite differences take at least this share of a state's largest value.
 _FINEST = 1e-6
 #: Samples of a piece of lanes that are joined.
@@ -199,7 +197,7 @@ def _relaxing(
 def _transitions(slopes: FloatArray, intervals: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Transitions of linear rates, and what shifts of them at both ends of each interval leave."""
     lengths = intervals[:, np.newaxis, np.newaxis]
-    whole, level, ramp = _phi(slopes * lengths)
+    whole, level, ramp = phi(slopes * lengths)
     return whole, lengths * (level - ramp), lengths * ramp
 
 
@@ -258,24 +256,6 @@ def _slopes(function: Callable[[FloatArray], FloatArray], points: FloatArray, st
         above, below = function(middle + offsets), function(middle - offsets)
     slopes = (above - below) / (2.0 * step)[np.newaxis]
     return np.nan_to_num(np.moveaxis(slopes, -1, 0), nan=0.0, posinf=0.0, neginf=0.0)
-
-
-def _phi(a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The exponential, phi1 and phi2 of matrices (n, m, m): Taylor series of a halved argument, then doubled back."""
-    largest = float(np.abs(a).sum(axis=2).max(initial=0.0))
-    halvings = max(0, math.ceil(math.log2(max(largest, 1e-300) / 0.5)))
-    scaled = a / 2.0**halvings
-    unit = np.broadcast_to(np.eye(a.shape[1]), a.shape)
-    second = unit / math.factorial(_TERMS + 2)
-    for k in range(_TERMS + 1, 1, -1):
-        second = unit / math.factorial(k) + scaled @ second
-    first = unit + scaled @ second
-    whole = unit + scaled @ first
-    for _ in range(halvings):
-        second = 0.25 * (whole @ second + second + first)
-        first = 0.5 * (whole @ first + first)
-        whole = whole @ whole
-    return whole, first, second
 
 
 def _update(run: FilterRun, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -367,7 +347,7 @@ def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
         )
     lengths = path.intervals[:, np.newaxis, np.newaxis]
     slope = 0.5 * (slopes[0] + slopes[1]).swapaxes(1, 2)
-    whole, first, second = _phi(slope * lengths)
+    whole, first, second = phi(slope * lengths)
     driven = lengths * (first @ levels[0][:, :, np.newaxis] + second @ (levels[1] - levels[0])[:, :, np.newaxis])
     moved = -np.linalg.pinv(slope[0]) @ levels[0][0] if slope.shape[0] else np.zeros(start.size)
     if start.size == 1:  # of floats the recursion takes a thirtieth of the time that it takes of arrays
