@@ -136,8 +136,9 @@ def test_a_relaxation_of_many_time_constants_is_no_drift_of_the_only_sensor() ->
     """A drift of 0.45 V in a run was "suspected", and confirmed by the held-out log; later one of 0.18 V was added."""
     closed = bg.close_loop(cell(), [discharged(1), discharged(2)], [discharged(3)])
     assert closed.verdict == "effect found"
-    assert [one.trial.candidate.label for one in closed.added] == ["polarisation at loop"]
+    relaxations = {"polarisation at loop", "charge_redistribution at surface"}  # of five, one of which is declared
+    assert {one.trial.candidate.label for one in closed.added} <= relaxations
     (before,), (after,) = (one.logs for one in (closed.nominal_holdout, closed.corrected_holdout))
-    assert after.channels["voltage"].simulation_rmse < 0.7 * before.channels["voltage"].simulation_rmse
+    assert after.channels["voltage"].simulation_rmse < 0.2 * before.channels["voltage"].simulation_rmse
     (said,) = [one for one in closed.cautions if one.startswith("fitted without process noise")]
     assert "and than the corrected model does" in said  # its charge walks with the noise
