@@ -354,7 +354,8 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     command.add_argument(
         "--minutes", type=positive, default=math.inf, metavar="N",
-        help="time after which no round goes on; the answer is what was found by then (default: as long as it takes)",
+        help="time after which no round goes on; the answer is what was found by then, an error before the first round "
+        "is over (default: as long as it takes)",
     )  # fmt: skip
     command.add_argument(
         "--level", type=share, default=0.01,
