@@ -28,7 +28,7 @@ from bondgraph.simulate.model import Model
 _TELLING = 1e-6
 #: Slopes of what states at rest show are differences over this share of a parameter, the cube root of what is rounded.
 _APART = 6e-6
-#: The least parameter that is not counted as zero there.
+#: Least size of a parameter in that share; what is smaller counts as zero, a convention.
 _LEAST = 1e-12
 
 

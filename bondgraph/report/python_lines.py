@@ -187,7 +187,7 @@ def _write_values(writer: Writer, before: BondGraph, after: BondGraph) -> None:
             writer.lines.append(f"g = {writer.use('bondgraph.declare.editing', name)}(g, {changed!r})")
 
 
-#: What stands above the lines in a patch.
+#: Comments above the lines in a patch.
 _FOUND = "# found by closing the loop on logs"
 _CONTRADICTED = "# asked for by training logs when the loop was closed, but contradicted by the logs: see the report"
 

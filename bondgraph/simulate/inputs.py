@@ -45,7 +45,7 @@ class InputSegment:
 
     @functools.cached_property
     def _rise(self) -> FloatArray:
-        """What the inputs rise by over the stretch, asked for at each of many times in it."""
+        """Rise of the inputs over the stretch, asked for at each of many times in it."""
         return self.right - self.left
 
 
