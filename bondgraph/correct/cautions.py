@@ -10,19 +10,15 @@ from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.evidence.replaced import parameters_beside
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.gauge import OPEN, told_together, unknown
 from bondgraph.correct.round import Round
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
-from bondgraph.estimate.analysis.combinations import Combination, combinations
 from bondgraph.estimate.fitted import Fit
-from bondgraph.estimate.free import FreeParameter
 from bondgraph.simulate.late import late_rows
 from bondgraph.simulate.model import Model
 from bondgraph.text import few, inflected, number
 
-#: Condition index from which a direction is open to rounding: derivatives by differences are right to the sixth digit.
-_OPEN = 1e6
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
 
@@ -54,12 +50,7 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round], corrected: Fit | None = N
         )
     if corrected is None or corrected is nominal:  # else it is said of the corrected model
         said += at_bounds(nominal, "declared")
-    unknown = [
-        parameter.name
-        for parameter in nominal.problem.free
-        if parameter.target.kind == "parameter" and _uninformed(nominal, parameter)
-    ]
-    said += _unknown(nominal, unknown)
+    said += _unknown(nominal, unknown(nominal))
     return (*said, *_undetectable(rounds))
 
 
@@ -68,12 +59,7 @@ def _unknown(fitted: Fit, names: Sequence[str]) -> list[str]:
 
     Standard deviations say nothing of a direction that is open to rounding.
     """
-    information = fitted.expansion.information
-    found: tuple[Combination, ...] = attempted(
-        lambda: combinations(fitted.problem, fitted.point, information), lambda why: ()
-    )
-    several = [one for one in found if one.together]
-    together = [one for one in several if one.condition > _OPEN or len(set(one.names) & set(names)) > 1]
+    together = [one for one in told_together(fitted) if one.condition > OPEN or len(set(one.names) & set(names)) > 1]
     said = [f"in these logs {one}: fix one of them, or drive so that they act apart" for one in together]
     left = [name for name in names if not any(name in one.names for one in together)]
     if left:
@@ -173,8 +159,3 @@ def _undetectable(rounds: Sequence[Round]) -> list[str]:
     if small:
         said.append(f"cannot be detected with these logs unless larger than all else at its place: {few(small)}")
     return said
-
-
-def _uninformed(fitted: Fit, parameter: FreeParameter) -> bool:
-    span = parameter.coordinate(parameter.upper) - parameter.coordinate(parameter.lower)
-    return fitted.std[parameter.name] > 0.3 * span

@@ -22,6 +22,7 @@ from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.floors import without_floors
 from bondgraph.correct.fits.rates import rated, with_followed_rates
+from bondgraph.correct.gauge import with_gauge
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.resting import RESTING, with_resting_state
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -163,7 +164,7 @@ def fit_declared(
             nats = found.fit.nll - other.fit.nll
             said = _said(OtherwiseAfterAll(inputs, nats, False, pieces))
             held = tuple(one for one in sets if one.names and inputs == curved)  # a law may show quick ones to be held
-            found = replace(other, cautions=(said,), straight=held, pieces=pieces)
+            found = replace(other, cautions=(said, *other.cautions), straight=held, pieces=pieces)
             break
     report("fit the declared model", 1, 1)
     return found
@@ -178,7 +179,7 @@ def fit_otherwise(
 ) -> DeclaredFit | None:
     """The declared model with inputs as a law has shown them to run; None where it cannot be fitted."""
     other = attempted(lambda: _fitted_otherwise(graph, train, holdout, wishes, after.inputs), lambda why: None)
-    return None if other is None else replace(other, cautions=(_said(after),))
+    return None if other is None else replace(other, cautions=(_said(after), *other.cautions))
 
 
 def _fitted_otherwise(
@@ -267,7 +268,11 @@ def _fitted(
         if other is not None and other.nll < found.nll - _TOLERANCE:
             sure = _certified(other, wishes.journal, least)
             found, check = min((found, check), sure, key=lambda one: one[0].nll)
-    return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout))
+    found, held = with_gauge(found, lambda posed, start: _from(posed, start, wishes.journal))
+    if held:
+        found, check = _certified(found, wishes.journal, least)
+    cautions = tuple(map(str, held))
+    return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout), cautions=cautions)
 
 
 def _by_long_steps(problem: EstimationProblem, journal: Journal) -> Fit:

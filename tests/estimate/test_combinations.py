@@ -75,6 +75,21 @@ def test_a_law_that_holds_everywhere_is_read_from_one_point(law: str, free: str,
     assert [str(one) for one in together(law, free)] == [said]
 
 
+def test_a_member_of_which_the_logs_tell_little_belongs_to_the_group() -> None:
+    """Of a turntable mass and stiffness were told to share a scale, and nothing of its dampings, which share it too."""
+    (found,) = together("(a + 0.01*c*np.abs(x[0]))/b", "abc")
+    assert str(found) == "a, b and c act only together, as a/c and b/c"
+
+
+def test_a_law_is_told_near_a_bound_too() -> None:
+    """Of a collector whose scale ended near a bound the common scale was told "near this point"."""
+    problem = posed("a*b", ["a", "b"])
+    point = problem.start.copy()
+    point[0] = problem.lower[0] + 0.02 * (problem.upper[0] - problem.lower[0])
+    information = fitted_expansion(problem, point, central_differences).information
+    assert [str(one) for one in combinations(problem, point, information)] == ["a and b act only together, as a*b"]
+
+
 def test_what_is_neither_product_nor_sum_is_said_for_this_point_only() -> None:
     (found,) = together("a*np.exp(b)", "ab")
     assert found.law == "locally" and "near this point as" in str(found)

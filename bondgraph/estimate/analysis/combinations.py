@@ -24,12 +24,14 @@ from bondgraph.estimate.symmetric import scaled_eigen
 
 #: Condition index and share of variance from which a dependency counts (Belsley, Kuh and Welsch 1980, page 112).
 CONDITION_INDEX, VARIANCE_SHARE = 30.0, 0.5
+#: Two parameters share open directions where the cosine between their parts in these is above this.
+_LINKED, _TINY = 0.05, float(np.finfo(float).tiny)
 #: Exponents are multiples of 1 over these, up to 4: what laws of mechanics have.
 _DENOMINATOR, _LARGEST = 4, 4.0
 #: An exponent this far off a small fraction, relative to the largest of its row, is not that fraction.
 _NEAR = 0.06
-#: Along a curve the first parameter moves by this factor, or to its bounds.
-_FACTOR = 1.15
+#: Along a curve the parameter that moves most, moves by the first of these factors with an end inside all bounds.
+_FACTORS = (1.15, 1.07, 1.03)
 #: A law holds if along it the likelihood rises by less than this share of what it rises when one moves alone; of two
 #: along which it rises by less than the second share, which is rounding, the one of simple numbers is said.
 _HOLDS, _EXACT = 3e-4, 1e-7
@@ -119,7 +121,8 @@ def combinations(problem: Problem, point: FloatArray, information: FloatArray) -
     slopes = np.array([one.slope(value) for one, value in zip(problem.free, values, strict=True)])[usable]
     factor = values[usable] / slopes  # derivative of a coordinate by the logarithm of its value
     others = np.setdiff1d(np.arange(values.size), usable)
-    relative = _without(information, usable, others) * np.outer(factor, factor)
+    inner, following = _without(information, usable, others)
+    relative = inner * np.outer(factor, factor)
     eigen = scaled_eigen(relative)
     index = np.sqrt(eigen.largest / np.maximum(eigen.values, 1e-15 * eigen.largest))
     open_ = index > CONDITION_INDEX
@@ -127,42 +130,85 @@ def combinations(problem: Problem, point: FloatArray, information: FloatArray) -
         return ()
     directions = eigen.scale[:, np.newaxis] * eigen.vectors[:, open_]
     groups = _groups(eigen.values, eigen.vectors, open_)
-    return tuple(
-        _combination(problem, point, usable[rows], directions[rows], float(index[open_].max())) for rows in groups
-    )
+    found = []
+    for rows in groups:
+        along = _Along(problem, point, usable[rows], others, following[:, rows])
+        mostly = (eigen.vectors[np.ix_(rows, open_)] ** 2).sum(axis=0) > VARIANCE_SHARE  # directions of this group
+        own = index[open_][mostly] if mostly.any() else index[open_]
+        found.append(_combination(along, directions[rows], float(own.max())))
+    return tuple(found)
 
 
-def _without(information: FloatArray, kept: np.ndarray, others: np.ndarray) -> FloatArray:
-    """Information about some coordinates once the others have taken their share, shape (m, m)."""
-    inner: FloatArray = information[np.ix_(kept, kept)]
-    if not others.size:
-        return inner
+def _without(information: FloatArray, kept: np.ndarray, others: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Information about some coordinates once the others have taken their share, and how these follow.
+
+    Shapes (m, m) and (o, m): moves of the others for each move of one that is kept.
+    """
     cross = information[np.ix_(others, kept)]
-    share: FloatArray = inner - cross.T @ np.linalg.lstsq(information[np.ix_(others, others)], cross)[0]
-    return share
+    following = -np.linalg.lstsq(information[np.ix_(others, others)], cross)[0] if others.size else cross
+    share: FloatArray = information[np.ix_(kept, kept)] + cross.T @ following
+    return share, following
 
 
 def _groups(values: FloatArray, vectors: FloatArray, open_: np.ndarray) -> list[np.ndarray]:
-    """Rows that have most of their variance in open directions, those that share a direction together."""
+    """Rows that have most of their variance in open directions, those that share a direction together.
+
+    What the logs tell little of has a small part in every direction: its parts are compared with their own length.
+    """
     shares = vectors**2 / np.maximum(values, 1e-15 * values.max())
     members = np.flatnonzero(shares[:, open_].sum(axis=1) > VARIANCE_SHARE * shares.sum(axis=1))
-    projector = np.abs(vectors[:, open_] @ vectors[:, open_].T)
+    own = vectors[:, open_] / np.maximum(np.linalg.norm(vectors[:, open_], axis=1, keepdims=True), _TINY)
+    alike = np.abs(own @ own.T)
     groups: list[set[int]] = []
     for row in map(int, members):
-        linked = [group for group in groups if any(projector[row, other] > 0.05 for other in group)]
+        linked = [group for group in groups if any(alike[row, other] > _LINKED for other in group)]
         groups = [group for group in groups if group not in linked] + [set().union({row}, *linked)]
     return [np.array(sorted(group)) for group in groups if len(group) > 1]
 
 
-def _combination(
-    problem: Problem, point: FloatArray, rows: np.ndarray, directions: FloatArray, condition: float
-) -> Combination:
-    values = problem.values(point)[rows]
-    names = tuple(problem.names[row] for row in rows)
+@dataclass(frozen=True)
+class _Along:
+    """Some parameters of a problem that move, with others that follow: ``following`` (o, k) is coordinates for each."""
+
+    problem: Problem
+    point: FloatArray
+    rows: np.ndarray
+    others: np.ndarray
+    following: FloatArray
+
+    @property
+    def values(self) -> FloatArray:
+        """Values of the parameters that move, shape (k,)."""
+        values: FloatArray = self.problem.values(self.point)[self.rows]
+        return values
+
+    def rise(self, ends: FloatArray) -> float:
+        """Largest change of the likelihood in nats where the parameters have moved to other values (m, k).
+
+        Ends beyond a bound do not count; infinite where none is left, or the likelihood has none.
+        """
+        free = [self.problem.free[row] for row in self.rows]
+        inside = np.all((ends >= [one.lower for one in free]) & (ends <= [one.upper for one in free]), axis=1)
+        if not inside.any():
+            return math.inf
+        members = np.repeat(self.point[:, np.newaxis], int(inside.sum()) + 1, axis=1)
+        for row, one, values in zip(self.rows, free, ends[inside].T, strict=True):
+            members[row, 1:] = [one.coordinate(float(value)) for value in values]
+        members[self.others] += self.following @ (members - self.point[:, np.newaxis])[self.rows]
+        nll = self.problem.nll(np.clip(members, self.problem.lower[:, np.newaxis], self.problem.upper[:, np.newaxis]))
+        return float(np.abs(nll[1:] - nll[0]).max()) if np.isfinite(nll).all() else math.inf
+
+
+def _combination(along: _Along, directions: FloatArray, condition: float) -> Combination:
+    values, size = along.values, len(along.rows)
+    names = tuple(along.problem.names[row] for row in along.rows)
     dimension = int(np.sum(np.linalg.svd(directions, compute_uv=False) > 0.05 * np.linalg.norm(directions, 2)))
     known = {law: _echelon(law.across(directions, values), dimension) for law in _LAWS}
-    alone = _rise(problem, point, rows, _SUM.curve(values, values * np.eye(rows.size)[:1]))
-    rises = {law: _rise(problem, point, rows, law.curve(values, _open_moves(known[law]))) for law in _LAWS}
+    for factor in _FACTORS:
+        alone = along.rise(_SUM.curve(values, values * np.eye(size)[:1], factor))
+        rises = {law: along.rise(law.curve(values, _open_moves(known[law]), factor)) for law in _LAWS}
+        if alone < math.inf and min(rises.values()) < math.inf:
+            break
     best = min(_LAWS, key=lambda law: (max(rises[law], _EXACT * alone), not all(map(_is_simple, known[law]))))
     holds = rises[best] <= _HOLDS * alone
     said = best if holds else _PRODUCT
@@ -206,17 +252,6 @@ def _open_moves(exponents: FloatArray) -> FloatArray:
     """Directions (m, k) along which all combinations (k - m, k) stay as they are."""
     moves: FloatArray = np.linalg.svd(exponents)[2][exponents.shape[0] :]
     return moves
-
-
-def _rise(problem: Problem, point: FloatArray, rows: np.ndarray, moved: FloatArray) -> float:
-    """Largest change of the likelihood in nats where some parameters have moved to other values (m, k)."""
-    members = np.repeat(point[:, np.newaxis], len(moved) + 1, axis=1)
-    for k, row in enumerate(rows):
-        parameter = problem.free[row]
-        inside = np.clip(moved[:, k], parameter.lower, parameter.upper)
-        members[row, 1:] = [parameter.coordinate(float(value)) for value in inside]
-    nll = problem.nll(members)
-    return float(np.abs(nll[1:] - nll[0]).max()) if np.isfinite(nll).all() else math.inf
 
 
 def _kept(names: Sequence[str], row: FloatArray) -> list[tuple[str, float]]:
@@ -271,7 +306,7 @@ class _Law(Protocol):
     def across(self, directions: FloatArray, values: FloatArray) -> FloatArray:
         """Open directions (k, m) in what the law is linear in, of those in the logarithms of values (k,)."""
 
-    def curve(self, values: FloatArray, moves: FloatArray) -> FloatArray:
+    def curve(self, values: FloatArray, moves: FloatArray, factor: float) -> FloatArray:
         """Values (2 m, k) at both ends of curves along moves (m, k) of what the law is linear in.
 
         The parameter that moves most, moves by the same factor under either law.
@@ -290,9 +325,9 @@ class _Product:
         """The same."""
         return directions
 
-    def curve(self, values: FloatArray, moves: FloatArray) -> FloatArray:
+    def curve(self, values: FloatArray, moves: FloatArray, factor: float) -> FloatArray:
         """Logarithms move evenly."""
-        found: FloatArray = values * np.exp(_both_sides(moves, math.log(_FACTOR)))
+        found: FloatArray = values * np.exp(_both_sides(moves, math.log(factor)))
         return found
 
     def written(self, kept: Sequence[tuple[str, float]]) -> str:
@@ -309,9 +344,9 @@ class _Sum:
         """Moves of values, which are those of logarithms times the values."""
         return directions * values[:, np.newaxis]
 
-    def curve(self, values: FloatArray, moves: FloatArray) -> FloatArray:
+    def curve(self, values: FloatArray, moves: FloatArray, factor: float) -> FloatArray:
         """Values move evenly."""
-        return values * (1.0 + _both_sides(moves / values, _FACTOR - 1.0))
+        return values * (1.0 + _both_sides(moves / values, factor - 1.0))
 
     def written(self, kept: Sequence[tuple[str, float]]) -> str:
         """Terms with their signs."""
