@@ -85,6 +85,7 @@ def test_the_source_distribution_holds_what_its_tests_need(tmp_path: Path) -> No
     assert names[".ci/run"].mode & 0o100
 
 
+@pytest.mark.slow
 def test_an_installed_toolkit_begins_generates_and_builds_outside_a_checkout(site: Path, tmp_path: Path) -> None:
     _run(site, tmp_path, "-m", "bondgraph", "new", "sled")
     _run(site, tmp_path, "-m", "bondgraph", "generate", "sled/sled.py")

@@ -109,6 +109,7 @@ print("loaded")
 '''
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="maps memory as Linux does")
 def test_code_is_loaded_in_one_piece_where_memory_is_scattered(tmp_path: Path) -> None:
     """LLVM ended the process here: numbers lay more than two gigabytes from the code that reads them."""

@@ -37,6 +37,7 @@ LAWS: tuple[EffectFunction, ...] = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("process_noise", ["free", "none"])
 def test_a_loss_twelve_times_its_bound_is_found_and_no_drift_of_a_sensor(process_noise: str) -> None:
     """A coast-down of a buggy: the bound was 0.078 where 1.22 is true.

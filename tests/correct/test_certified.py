@@ -170,6 +170,7 @@ def test_effects_could_make_up_for_steps_that_are_stable_but_no_more() -> None:
     assert resolving(fine) is steps and refined(fine)[0] is fine
 
 
+@pytest.mark.slow
 def test_explicit_steps_that_a_law_made_short_are_not_halved_again() -> None:
     """The width of a law asks for steps of its own: they are none of another method, from which halvings begin anew."""
     rough = coarse_fan()

@@ -87,6 +87,7 @@ def closed(gust: float) -> ClosedLoop:
     return close_loop(cart(), [driven(1, gust), driven(2, gust)], [driven(3, gust)], functions, LoopSettings())
 
 
+@pytest.mark.slow
 def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time() -> None:
     found = closed(GUST)
     assert found.verdict == "disturbance"
@@ -194,6 +195,7 @@ def test_a_law_must_explain_more_than_a_disturbance_would() -> None:
     assert wind.size == pytest.approx(GUST, rel=0.3) and wind.seconds == pytest.approx(LASTS, rel=0.5)
 
 
+@pytest.mark.slow
 def test_what_shows_as_a_function_of_time_alone_is_a_disturbance() -> None:
     """A wind was "an unknown effort as a function of time"."""
     functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
@@ -201,6 +203,7 @@ def test_what_shows_as_a_function_of_time_alone_is_a_disturbance() -> None:
     assert found.verdict == "disturbance" and not found.added and not found.unexplained
 
 
+@pytest.mark.slow
 def test_a_law_without_a_wind_has_no_disturbance_beside_it() -> None:
     functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
     found = close_loop(cart(), [dragged(11, 0.0, 3.0), dragged(12, 0.0, 3.0)], [], functions, LoopSettings())
@@ -215,6 +218,7 @@ def test_a_wind_is_no_law_with_a_memory(law: EffectFunction) -> None:
     assert found.verdict == "disturbance" and not found.added
 
 
+@pytest.mark.slow
 def test_a_law_with_a_memory_must_explain_something_beside_the_wind() -> None:
     """A mass on a spring whose gain came first stayed, although it had nothing to say beside the wind."""
     logs, own = (driven(1, GUST), driven(2, GUST)), build(cart())

@@ -80,6 +80,7 @@ def test_parameters_that_made_up_for_an_event_are_told_as_they_are_beside_it(hap
     assert said.endswith("the other estimates make up for it.")
 
 
+@pytest.mark.slow
 def test_a_law_is_found_beside_an_event_and_alone_in_the_declaration() -> None:
     drag = added(effects.quadratic_loss, "runner", DRAG)
     both = added(effects.constant_effort, "runner", PUSH, added(effects.quadratic_loss, "runner", DRAG))

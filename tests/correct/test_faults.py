@@ -56,6 +56,7 @@ def test_a_fault_is_named_with_channel_kind_and_size(kind: str) -> None:
     assert name.startswith(kind) and found["value"] == pytest.approx(FAULTS[kind][1], rel=0.15)
 
 
+@pytest.mark.slow
 def test_faults_alone_may_be_asked_for() -> None:
     """A command with --effects sensor_ceiling said that it finds no place, and that no effect could be tried."""
     closed = close_loop(sled(), faulty("scale"), [], SENSOR_FAULTS[:2])
@@ -84,6 +85,7 @@ def test_an_outlier_at_the_start_of_a_position_is_no_bias(monkeypatch: pytest.Mo
     assert turn.chosen is None
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_run_again_takes_its_finished_fits_and_ends_the_same(tmp_path: Path) -> None:
     logs, journal = faulty("bias"), Journal(tmp_path)
     first = close_loop(sled(), logs, [], FUNCTIONS, LoopSettings(journal=journal))

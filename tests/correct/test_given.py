@@ -37,6 +37,7 @@ def sled_fit() -> Fit:
     return fitted([pull(sled(), 3)])
 
 
+@pytest.mark.slow
 def test_a_mass_three_percent_off_is_no_law() -> None:
     closed = closed_on(41.2)
     assert not closed.added and closed.verdict == "no missing effect"
@@ -67,6 +68,7 @@ def test_a_law_beside_a_mass_that_is_off_has_no_companion() -> None:
     assert closed.corrected.values[drag] == pytest.approx(1.0, abs=4.0 * closed.corrected.std[drag])
 
 
+@pytest.mark.slow
 def test_a_load_beyond_the_tolerance_is_found() -> None:
     closed = closed_on(52.0)
     assert [one.trial.candidate.effect.name for one in closed.added] == ["added_inertia"] and not closed.constants
@@ -116,6 +118,7 @@ def test_what_was_not_refitted_is_left_as_it_is() -> None:
     assert beside_given(bare, None) is bare  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_declared_model_that_simulates_better_without_noise_is_said() -> None:
     """Process noise took the drag: before was 1.9 m/s in the table, where the declared model can do with 0.27."""
     closed = closed_on(41.2, drag=1.0)

@@ -52,6 +52,7 @@ def test_a_loop_without_time_for_a_round_says_so() -> None:
         close_loop(partly.drive(), logs[:1], logs[1:], effect_functions(effects), LoopSettings(minutes=0.0))
 
 
+@pytest.mark.slow
 def test_a_loop_ends_with_what_was_found_when_its_time_is_over(clock: _Time) -> None:
     """It was killed after nine minutes without an answer, with the right law at hand."""
 

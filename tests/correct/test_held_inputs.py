@@ -97,6 +97,7 @@ def test_a_quick_input_that_a_filter_has_passed_is_band_limited() -> None:
     assert straight.nominal.nll > closed.nominal.nll + 100.0
 
 
+@pytest.mark.slow
 def test_a_quick_input_that_is_held_is_not_left_band_limited() -> None:
     """Of a drive whose torque a controller gave every 4 ms band limited was 8 nats likelier than straight, held 3614.
 

@@ -105,6 +105,7 @@ def test_an_effect_of_detectable_size_is_found_about_nine_times_in_ten(nothing: 
     assert found >= 14  # noise levels that are estimated take a little of the gain: 16 to 18 are expected
 
 
+@pytest.mark.slow
 def test_held_out_logs_decide_nothing(found: ClosedLoop) -> None:
     true = added(effects.quadratic_loss, "runner", QUADRATIC)
     rng = np.random.default_rng(0)

@@ -88,6 +88,7 @@ def diode_drop(g: BondGraph, at: Place) -> Effect | None:
     return Effect("diode_drop", name, "effort = u*sign(flow)", (drop.name,))
 
 
+@pytest.mark.slow
 def test_a_machine_without_states_is_closed() -> None:
     """Refused with "the model has no states, so there is nothing to filter"."""
     u = levels(1, 400, -20.0, 20.0)

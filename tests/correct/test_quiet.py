@@ -95,6 +95,7 @@ def test_under_coloured_noise_a_free_simulation_must_gain_over_the_quiet_fit_wit
     assert doubted.evidence is not None and doubted.evidence.p_robust == 1.0
 
 
+@pytest.mark.slow
 def test_a_sensor_far_better_than_any_free_simulation_does_not_spoil_the_second_look() -> None:
     """An encoder of nanometres: its noise may grow to the error of the model, by the range of its channel.
 
@@ -136,6 +137,7 @@ def test_a_colour_that_poses_as_creep_names_nothing(seed: int) -> None:
     assert not closed.added  # a disturbance may say how long-lived it is
 
 
+@pytest.mark.slow
 def test_a_law_is_not_doubted_for_what_a_position_remembers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Friction that differs by direction moves a carriage away for ever: dry friction had p = 1, by its position."""
     log, own = rides(), build(emps.start())

@@ -76,6 +76,7 @@ print(hashlib.sha256(found).hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_the_threads_of_a_blas_change_no_bit() -> None:
     # scores of candidates and whiteness were summed over samples by a BLAS, in as many parts as it had threads
     def digest(threads: int) -> str:

@@ -58,6 +58,7 @@ def closed_on(laminar: float) -> ClosedLoop:
     return close_loop(boiler(), logs, [pressed(3, laminar)], (effects.orifice_leak,))
 
 
+@pytest.mark.slow
 def test_a_law_takes_the_place_of_an_element_that_keeps_its_bounds() -> None:
     """Beside the element on its bound the orifice was bent, and something was left to explain."""
     closed = closed_on(0.0)
@@ -76,6 +77,7 @@ def test_a_law_takes_the_place_of_an_element_that_keeps_its_bounds() -> None:
     assert kept.bounds is not None and kept.bounds[0] <= kept.value <= kept.bounds[1]
 
 
+@pytest.mark.slow
 def test_an_element_that_the_machine_has_keeps_its_bounds() -> None:
     closed = closed_on(LAMINAR * 4.0)
     assert [one.trial.candidate.place.label for one in closed.added] == ["line"]

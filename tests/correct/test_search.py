@@ -151,6 +151,7 @@ def test_a_fit_outlives_a_model_that_cannot_be_made_again(monkeypatch: pytest.Mo
     assert after.fit is before.fit and not after.failed
 
 
+@pytest.mark.slow
 def test_a_round_whose_refits_were_spent_says_so() -> None:
     found = turn(drawn(0.05), [effects.quadratic_loss])
     assert unsearched([found], 12) == []
@@ -220,6 +221,7 @@ def test_responses_that_one_fit_tells_apart_are_no_equals() -> None:
     assert not search.are_equal(0, 1)
 
 
+@pytest.mark.slow
 def test_drag_that_process_noise_stands_in_for_is_found() -> None:
     found = turn(drawn(0.3), [effects.quadratic_loss, effects.viscous_loss, effects.coulomb_loss])
     assert "quadratic_loss at drum" in named(found)
@@ -291,6 +293,7 @@ def part() -> tuple[Context, Scored]:
     return Context(built(), base, (log,), len(found), 0.01, 10.0), scored
 
 
+@pytest.mark.slow
 def test_what_acts_from_a_time_on_is_an_event_and_the_same_law_throughout_does_worse() -> None:
     found = turn(late(effects.quadratic_loss, 0.02), [effects.quadratic_loss, effects.viscous_loss])
     best = found.chosen

@@ -80,6 +80,7 @@ def closed_on(drag: float) -> ClosedLoop:
     return close_loop(sled(), [pull(true, 8, samples=LONG)], [], FUNCTIONS)
 
 
+@pytest.mark.slow
 def test_an_effect_of_a_tenth_of_the_noise_is_told_without_a_name() -> None:
     closed = closed_on(FAINT_DRAG)
     assert closed.verdict == "no missing effect" and not closed.added
@@ -101,6 +102,7 @@ def test_three_times_as_much_has_its_name() -> None:
     assert not any("too small" in one for one in closed.cautions)
 
 
+@pytest.mark.slow
 def test_beside_a_larger_law_more_is_asked_for() -> None:
     large = closed_on(3.0 * FAINT_DRAG).added[0].trial
     assert least_beside([], 20.0) == least_beside([large], large.gain + 1.0) == FAINT

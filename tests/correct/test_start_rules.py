@@ -42,6 +42,7 @@ def test_every_fit_of_a_loop_begins_by_the_rule(rule: InitialRule, monkeypatch: 
     assert not found.corrected_built.model.starts  # the rule says where it starts, and no signal of a log
 
 
+@pytest.mark.slow
 def test_declared_starts_do_not_move_with_the_first_reading() -> None:
     declared, measured = (closed(rule, first=0.5) for rule in ("model", "measured"))
     assert declared.corrected.problem.initial_states[0][0] == 3.0

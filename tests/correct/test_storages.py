@@ -119,6 +119,7 @@ def test_a_gain_counts_by_its_scatter_along_the_log() -> None:
     assert gain_p_value([run], [run]) == 1.0
 
 
+@pytest.mark.slow
 def test_a_storage_must_gain_all_along_the_log_where_innovations_stay_coloured(monkeypatch: pytest.MonkeyPatch) -> None:
     context = fitted(swinging(elastic(0.02, 0.1, loss=0.05)))
     assert one_round(context.built, context.base, context.train, [effects.added_compliance]).chosen is not None
@@ -127,6 +128,7 @@ def test_a_storage_must_gain_all_along_the_log_where_innovations_stay_coloured(m
     assert one_round(context.built, context.base, context.train, [effects.added_compliance]).chosen is None
 
 
+@pytest.mark.slow
 def test_a_compliance_of_a_stiff_model_is_tried_though_a_loss_passes() -> None:
     context = fitted(swinging(elastic(0.02, 0.1, loss=0.05)))
     turn = one_round(context.built, context.base, context.train, [effects.quadratic_loss, effects.added_compliance])
@@ -194,6 +196,7 @@ def song(seed: int) -> bg.Log:
     return bg.Log.from_dataframe(pd.DataFrame(table), name=f"song{seed}")
 
 
+@pytest.mark.slow
 def test_a_storage_is_refitted_where_another_one_at_its_place_leads() -> None:
     """The pipe ends on its bound where a command is late. A lag leads there, and a limit of the rate promises 3 nats.
 

@@ -41,6 +41,7 @@ def electrolysed(seed: int) -> bg.Log:
     return bg.Log.from_dataframe(pd.DataFrame(table), name=f"run{seed}")
 
 
+@pytest.mark.slow
 def test_an_overvoltage_is_found_with_the_current_at_which_it_begins() -> None:
     """The current was fixed at a fiftieth of the largest one, and a leak beside the cell mended the form."""
     functions = (effects.electrode_loss, effects.quadratic_loss)

@@ -194,6 +194,7 @@ def test_places_without_resistance_or_storage_take_none() -> None:
     assert slow_heat_capacity(g, Place(node, Scale(1.0, 1.0))) is None
 
 
+@pytest.mark.slow
 def test_a_cell_that_polarises_is_told_from_a_late_actuator() -> None:
     """It was called a lag of its current source, whose time was a thirtieth of the time between samples."""
     true = with_effect(cell(), polarisation, "wire", 0.0012, 45.0)
@@ -215,6 +216,7 @@ def test_a_cell_that_polarises_is_told_from_a_late_actuator() -> None:
     assert re.search(r"T = [\d.]+ s \[[\d.]+, [\d.]+\]", said.law)  # its time has an interval too
 
 
+@pytest.mark.slow
 def test_a_body_at_any_temperature_is_told_from_a_disturbance_by_the_wall_that_it_heats() -> None:
     """The wall began at 0 K where the log began at 310 K, so that a disturbance of 14 000 s was found in its place."""
     true = with_effect(body(), slow_heat_capacity, "plate", 0.8, 300.0)

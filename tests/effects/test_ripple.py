@@ -67,6 +67,7 @@ def test_periods_are_tried_that_samples_can_show() -> None:
     assert offered(fast, flow=200.0) is None and [one.name for one in fast.integrals] == states
 
 
+@pytest.mark.slow
 def test_cogging_is_found_at_the_angle_of_a_spring() -> None:
     """Offered at declared integrals alone, it ended as "no missing effect" beside process noise of the speed."""
     chance = np.random.default_rng(4)

@@ -73,6 +73,7 @@ def test_a_node_without_an_inductance_takes_no_iron() -> None:
     assert magnetic_saturation(bare, Place(bare.zero_junction("node", bg.ELECTRICAL), Scale(1.0, 1.0))) is None
 
 
+@pytest.mark.slow
 def test_a_core_that_saturates_is_found_with_its_power() -> None:
     """It was the cube of a current elsewhere, and a search without an end."""
     chance, time, logs = np.random.default_rng(5), _STEP * np.arange(float(_SAMPLES)), []

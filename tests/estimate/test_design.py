@@ -103,6 +103,7 @@ def reaction() -> EstimationProblem:
     return pose(swing, blank, ["k1", "k2"], initial="model", likelihood=numpy_filter)
 
 
+@pytest.mark.slow
 def test_the_best_two_samples_of_a_consecutive_reaction_are_those_of_box_and_lucas() -> None:
     """D-optimal times 1.23 and 6.86 at rates of 0.7 and 0.2 (Box and Lucas 1959, Biometrika 46, 77-90)."""
     problem = reaction()

@@ -129,6 +129,7 @@ def swinging_problem(compiled: bool, samples: int) -> EstimationProblem:
     return pose(swing, logs, free, likelihood=FilterLikelihood(compiled=compiled))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("compiled", "samples", "size"), [(True, 200, 37), (False, 40, 6)])
 def test_a_search_that_ends_hopeless_evaluations_is_the_same_search(compiled: bool, samples: int, size: int) -> None:
     problem = swinging_problem(compiled, samples)

@@ -23,6 +23,7 @@ def fitted(lower: float = 0.2) -> Estimate:
     return estimate(pose(one_sensor(), log, [FreeParameter("gain", lower, 5.0, 1.5)], initial="model"), ONE)
 
 
+@pytest.mark.slow
 def test_draws_of_a_gain_are_those_of_its_normal_law() -> None:
     """Measurements are N(gain h, V): the posterior is normal with the variance 1/(h' V^-1 h)."""
     course = unit_course(pushed())

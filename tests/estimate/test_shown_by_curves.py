@@ -99,6 +99,7 @@ def test_second_derivatives_know_that_starts_move_along_the_curve(problem: Estim
     assert exact_hessian(problem, point).matrix == pytest.approx(hessian(problem, point).matrix, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_an_estimate_finds_the_vessel_whose_start_is_declared_elsewhere(logs: list[MatchedLog]) -> None:
     found = bg.estimate(bg.build(hopper()), logs)
     for name, true in (("C", _AREA), ("k", _WIDENS), ("R", _OUTLET)):

@@ -300,6 +300,7 @@ print(printer.text(total), printer.text(product), printer.text(choice), printer.
 """
 
 
+@pytest.mark.slow
 def test_text_is_the_same_under_every_hash_seed() -> None:
     texts = {
         subprocess.run(

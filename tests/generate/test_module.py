@@ -224,6 +224,7 @@ def test_it_runs_in_a_fresh_interpreter_with_numpy_alone(text: str, load: Load, 
     assert [float(value) for value in run.stdout.split()] == expected.tolist()
 
 
+@pytest.mark.slow
 def test_the_text_is_the_same_under_every_hash_seed(text: str) -> None:
     script = (
         "import sys; from bondgraph.generate.module import render; from tests.generate.conftest import belt_drive;"

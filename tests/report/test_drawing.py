@@ -147,6 +147,7 @@ def test_an_unknown_format_is_refused(tmp_path: Path) -> None:
         save_drawing(dc_motor(), tmp_path / "motor.bmp")
 
 
+@pytest.mark.slow
 def test_the_text_is_the_same_under_every_hash_seed() -> None:
     code = (
         "import hashlib; from tests.report import samples; from bondgraph.report.drawing import draw_svg;"

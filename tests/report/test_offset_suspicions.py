@@ -99,6 +99,7 @@ def test_a_part_of_a_log_shorter_than_the_machine_is_slow_is_enough() -> None:
     assert "'T [degC]'" in said
 
 
+@pytest.mark.slow
 def test_kelvins_are_not_suspected_whatever_is_declared() -> None:
     said = [suspected(driven(seed, begins=float(273.0 + 8.0 * seed))) for seed in range(16)]
     said += [suspected(driven(seed), start=673.15) for seed in range(4)]  # declared to begin hot, and logged cold

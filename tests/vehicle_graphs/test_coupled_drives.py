@@ -140,6 +140,7 @@ def test_chain_finds_a_counter_that_ignores_the_direction_and_then_stops() -> No
     assert "not counter_bias" in table(steps)
 
 
+@pytest.mark.slow
 def test_a_chain_keeps_finished_fits_and_goes_on_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     machine, logs = Machine(coupled_drives.declared, ("absolute_counter", "counter_bias")), simulated_records()
     sets = [("absolute_counter",), ("counter_bias",)]

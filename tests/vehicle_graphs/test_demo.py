@@ -18,6 +18,7 @@ from vehicle_graphs.demo import MISSING, SENSOR_NOISE, Missing, Truth, pick, wri
 from vehicle_graphs.driveline import driveline
 
 
+@pytest.mark.slow
 def test_drives_are_the_same_for_the_same_seed_and_differ_for_others(tmp_path: Path) -> None:
     texts = []
     for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
@@ -28,6 +29,7 @@ def test_drives_are_the_same_for_the_same_seed_and_differ_for_others(tmp_path: P
     assert texts[0] == texts[1] != texts[2]
 
 
+@pytest.mark.slow
 def test_logs_hold_measurements_and_nothing_of_the_truth(tmp_path: Path) -> None:
     """And in all of them the engine runs forwards and the speed varies."""
     for missing in (MISSING[1], None):

@@ -171,6 +171,7 @@ def test_later_seeds_give_other_cases_as_many() -> None:
             all_cases(BENCH, FAMILIES, (), (1.0,), seeds, first)
 
 
+@pytest.mark.slow
 def test_the_right_answer_is_scored_as_right_with_its_interval(drawn: Drawn, closed: ClosedLoop) -> None:
     outcome = compare(blank(DRAG, drawn.truth.kinds), closed, drawn)
     assert (outcome.verdict, outcome.found, outcome.extra) == ("effect found", ("quadratic_loss at body",), ())
@@ -193,6 +194,7 @@ def as_if(drawn: Drawn, *kinds: Kind) -> Drawn:
     return replace(drawn, truth=truth)
 
 
+@pytest.mark.slow
 def test_other_answers_are_scored_by_place_and_group(drawn: Drawn, closed: ClosedLoop) -> None:
     at_place = compare(blank(DRAG), closed, as_if(drawn, Kind(effects.added_inertia, "body", 1.0)))
     assert [hit.answer for hit in at_place.hits] == ["place"]

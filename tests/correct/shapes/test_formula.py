@@ -281,6 +281,7 @@ def opened(seed: int) -> MatchedLog:
     return MatchedLog("run", time, torque[np.newaxis], angle + 0.01 * rng.standard_normal(angle.shape))
 
 
+@pytest.mark.slow
 def test_the_weight_of_a_lever_is_a_sine_of_its_angle() -> None:
     """A power and an exponential stood for it: 63 N m/rad of spring for 26, and five numbers for one."""
     closed = close_loop(lever(), [opened(1)], [opened(2)], (effects.quadratic_loss,), LoopSettings(max_effects=1))
