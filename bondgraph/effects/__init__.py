@@ -18,7 +18,8 @@ actuators    wrong scale, lag and delay of sources and ratios, ceiling, dead zon
              follows a command; motors whose constant falls with the current, magnets that pull harder as a gap closes
 ratios       cranks, universal joints and linkages, whose ratio moves with an angle or a stroke
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
-storages     added inertia, capacity, compliance; stops, springs that harden, gas, iron that saturates
+storages     added inertia, capacity, compliance; stops, springs that harden, iron that saturates
+vessels      gas, air in oil, tanks that are wider beyond a level
 gaps         backlash of a spring, clearance of a coupling
 bodies       inertia that changes with a position
 lines        inertia of fluid or inductance in a line that has none, capacity of a node that has none
@@ -64,7 +65,7 @@ from bondgraph.effects.thermal import radiation as radiation
 from bondgraph.effects.thermal import varying_heat_capacity as varying_heat_capacity
 from bondgraph.effects.thermal import latent_heat as latent_heat
 from bondgraph.effects.storages import added_capacity as added_capacity
-from bondgraph.effects.storages import entrained_air as entrained_air
+from bondgraph.effects.vessels import entrained_air as entrained_air
 from bondgraph.effects.storages import added_compliance as added_compliance
 from bondgraph.effects.storages import added_inertia as added_inertia
 from bondgraph.effects.lines import line_inertia as line_inertia
@@ -73,7 +74,8 @@ from bondgraph.effects.bodies import inertia_by_position as inertia_by_position
 from bondgraph.effects.gaps import backlash as backlash
 from bondgraph.effects.gaps import clearance as clearance
 from bondgraph.effects.storages import end_stop as end_stop
-from bondgraph.effects.storages import gas_storage as gas_storage
+from bondgraph.effects.vessels import gas_storage as gas_storage
+from bondgraph.effects.vessels import stepped_tank as stepped_tank
 from bondgraph.effects.storages import hardening_spring as hardening_spring
 from bondgraph.effects.storages import magnetic_saturation as magnetic_saturation
 from bondgraph.effects.storages import one_sided_stop as one_sided_stop
@@ -118,5 +120,6 @@ from bondgraph.effects.fading import thermal_activation as thermal_activation
 from bondgraph.effects.fading import source_temperature_dependence as source_temperature_dependence
 from bondgraph.effects.fading import clogging as clogging
 from bondgraph.effects.exponents import resistance_exponent as resistance_exponent
+from bondgraph.effects.exponents import critical_speed as critical_speed
 from bondgraph.effects.streams import resistance_by_input as resistance_by_input
 from bondgraph.effects.streams import valve_load_flow as valve_load_flow

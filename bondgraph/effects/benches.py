@@ -44,7 +44,7 @@ class Bench:
 def drive() -> Bench:
     """A motor that moves a carriage on a bellows through a gear, an elastic shaft, a belt that may slip and a screw.
 
-    A shorted voice coil moves with the bellows, and a magnet pulls at it.
+    A shorted voice coil moves with the bellows, and a magnet pulls at it; the current of that brakes the spindle.
     """
     g = BondGraph("drive")
     torque = g.input("torque", "N m", "command of the motor")
@@ -82,6 +82,9 @@ def drive() -> Bench:
     blower, foot = g.one_junction("blower", ROTATION), g.one_junction("foot", TRANSLATION)
     g.transformer("joint", g.parameter("r_j", 1.0, "1", "ratio of a universal joint"), spindle, blower)
     g.resistance("blades", g.parameter("d_b", 0.05, "N m s", "drag of the blower"), at=blower)
+    dyno, hold = g.one_junction("dyno", ROTATION), g.parameter("d_e", 2e-3, "N m s/A^2", "brake by eddy currents")
+    g.transformer("strap", g.parameter("r_s", 3.0, "1", "ratio of a strap to a brake"), spindle, dyno)
+    g.resistance("brake", lambda flow: hold * current**2 * flow, at=dyno)
     g.transformer("lever", g.parameter("r_l", 0.5, "1", "ratio of a lever"), bellows, foot)
     g.resistance("oil", g.parameter("d_o", 40.0, "N s/m", "damper under the lever"), at=foot)
     g.measure("position", g.integral("x", carriage.flow, "m", "position of the carriage"), "m")

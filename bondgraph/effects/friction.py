@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sympy import Abs, Expr, asinh, exp, tanh
+from sympy import Abs, Expr, Rational, asinh, exp, tanh
 
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
-from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
@@ -91,19 +90,25 @@ def _level(word: str) -> str:
     return "dry friction" if word == "coulomb_loss" else word.replace("_", " ")
 
 
-def _holding(g: BondGraph, at: Place, word: str, drag: Node, viscous: Expr) -> Effect:
-    """Dry friction beside the viscous drag that decides the flow: nothing moves until the effort exceeds it."""
+def _holding(g: BondGraph, at: Place, word: str, drag: Node, slope: Expr) -> Effect:
+    """Dry friction beside the drag that decides the flow: nothing moves until the effort exceeds it."""
     _, level = coefficient(g, at, word, _level(word), effort_unit(at), power=0)
-    effort = symbol("effort")
+    effort, name = symbol("effort"), f"{word}_{at.name}"
+    meaning = "effort over which it begins to give way"
+    w = g.parameter(f"w_{name}", at.smoothing * at.scale.effort, effort_unit(at), meaning)
+    held = (((effort + level) ** 2 + w**2) ** Rational(1, 2) - ((effort - level) ** 2 + w**2) ** Rational(1, 2)) / 2
 
     def moving(laws: Mapping[str, Expr]) -> dict[str, Expr]:
+        if "flow" in laws:
+            return {"flow": laws["flow"].xreplace({effort: effort - held})}
         inner = linear_coefficient(laws["effort"], symbol("flow"))
-        return {"flow": (effort - clip(effort, -level, level)) / (viscous if inner is None else inner)}
+        return {"flow": slope * (effort - held) if inner is None else (effort - held) / inner}
 
     revise_laws(g, drag.name, moving)
     return Effect(
-        word, drag.name, "flow = (effort - clip(effort, -c, c))/d, d declared", (level.name,),
-        amplitudes=(0.01, 0.03, 0.1, 0.3), reference=_SURVEY, dissipative=True, manoeuvre=_REVERSALS,
+        word, drag.name, "flow = (effort - held)/d, d declared, held = effort within -c and c, round over w",
+        (level.name,), amplitudes=(0.01, 0.03, 0.1, 0.3), widths=(w.name,), reference=_SURVEY,
+        dissipative=True, manoeuvre=_REVERSALS,
     )  # fmt: skip
 
 

@@ -333,18 +333,21 @@ def two_ports_at(g: BondGraph, at: Place, kind: str) -> list[Node]:
 
 
 def yielding(g: BondGraph, at: Place) -> tuple[Node, Expr] | None:
-    """The viscous resistance that sets the flow of a junction without inertia, and its coefficient.
+    """The straight resistance that sets the flow of a junction without inertia, and its flow for each unit of effort.
 
     There the forces decide how fast something gives way; friction must hold them before it moves at all.
     """
     if not is_speed(at) or elements_at(g, at, "I"):
         return None
     found = elements_at(g, at, "R")
-    law = found[0].law("effort") if len(found) == 1 else None
-    coefficient = None if law is None else linear_coefficient(law, symbol("flow"))
-    if coefficient is None or not gives_flow(g, found[0].name):
+    if len(found) != 1:
         return None
-    return found[0], coefficient
+    for gives, own in (("flow", "effort"), ("effort", "flow")):
+        law = found[0].law(gives)
+        slope = None if law is None else linear_coefficient(law, symbol(own))
+        if slope is not None and not slope.has(symbol(own)) and gives_flow(g, found[0].name):
+            return found[0], slope if gives == "flow" else 1 / slope
+    return None
 
 
 def gives_flow(g: BondGraph, resistance: str) -> bool:

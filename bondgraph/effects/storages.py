@@ -1,10 +1,9 @@
-"""Storages that were not declared, and those whose law is not straight: inertia, elasticity, gas, saturation.
+"""Storages that were not declared, and those whose law is not straight: inertia, elasticity, saturation.
 
-References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Gholizadeh, Burton, Schoenau (2011),
-International Journal of Fluid Power 12(3), for air in oil; Duffing (1918), Erzwungene Schwingungen, for springs that
-harden; Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4, for springs that soften; Trutt, Erdelyi, Hopkins (1968),
-IEEE Trans. PAS 87(3), for the magnetisation of iron; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1),
-for gas that exchanges little heat while it is compressed; Johnson (1985), Contact Mechanics, chapter 4, for stops.
+References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Duffing (1918), Erzwungene Schwingungen,
+for springs that harden; Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4, for springs that soften; Trutt,
+Erdelyi, Hopkins (1968), IEEE Trans. PAS 87(3), for the magnetisation of iron; Johnson (1985), Contact Mechanics,
+chapter 4, for stops. Gas and vessels are in :mod:`bondgraph.effects.vessels`.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from bondgraph.declare.editing import split_bond
 from bondgraph.declare.effect import SMOOTHING, Effect, Place
 from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import signal
-from bondgraph.declare.functions import clip, maximum, minimum
+from bondgraph.declare.functions import clip, maximum
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
@@ -41,26 +40,18 @@ _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _DUFFING = "Duffing (1918), Erzwungene Schwingungen bei veränderlicher Eigenfrequenz"
 _SOFTENING = "Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4"
 _STOP = "Johnson (1985), Contact Mechanics, chapter 4"
-_GAS_LAW = "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)"
 #: Names of laws in each domain.
 _INERTIA = Words("added_inertia", "added_inductance", "fluid_inertia")
 _CAPACITY = Words("", "stray_capacitance", "added_volume", "added_heat_capacity")
 _CUBIC = Words("hardening_spring", "voltage_dependent_capacitance", "stiffening_volume")
-_PROGRESSIVE = Words("progressive_spring", "charge_dependent_capacitance", "narrowing_tank")
-_GAS = Words("air_spring", hydraulic="gas_accumulator")
-#: Share of its volume by which gas is compressed at most; further on the storage is straight, with a finite effort.
-COMPRESSED = 0.9
+_PROGRESSIVE = Words("progressive_spring", "charge_dependent_capacitance", "tapered_tank")
 #: The own variable of a compliance.
 _STRETCH = symbol("displacement")
-#: Volume of air in oil at most, as a multiple of what the oil gives way up to the largest pressure: a convention.
-_MOST_AIR = 10.0
 #: Times the straight part that the current of a core may be at the usual one of its node: iron at a hundredth of its
 #: permeability.
 _MOST_CURRENT = 100.0
 #: Powers of the flux in a current of a core, less one: those of odd polynomials to the eleventh (Greenwood).
 _POWERS = (2.0, 4.0, 6.0, 8.0, 10.0)
-#: Absolute pressure of the surroundings, from which gauges count [Pa].
-_ATMOSPHERE = 1.01325e5
 #: Time in which the effort of a place brings an inertia to its flow that is as large as it may be [s].
 LONGEST_RUN_UP = 2.0
 
@@ -93,32 +84,6 @@ def added_capacity(g: BondGraph, at: Place) -> Effect | None:
     g.compliance(name, displacement=lambda effort: c * effort, at=at.junction)
     return Effect(
         word, name, "flow = c*d(effort)/dt", (c.name,), reference=_STORAGES, manoeuvre="quick changes of the effort"
-    )  # fmt: skip
-
-
-def entrained_air(g: BondGraph, at: Place) -> Effect | None:
-    """Air in oil or water, which is compressed first: a capacity that falls as the pressure rises.
-
-    P is the absolute pressure where the declared one is zero, that of the surroundings where gauges show it.
-    """
-    declared = capacity_beside(g, at) if has_effort(at) and at.domain == HYDRAULIC else None
-    if declared is None:
-        return None
-    name, size = f"entrained_air_{at.name}", at.scale.effort
-    most = _MOST_AIR * declared[0] * size
-    c = g.parameter(f"c_{name}", 0.0, "m^3", f"volume of air at {at.label} where the pressure is zero", (0.0, most))
-    bounds = (min(0.1 * _ATMOSPHERE, 0.01 * size), max(10.0 * _ATMOSPHERE, size))
-    least = g.parameter(f"P_{name}", _ATMOSPHERE, "Pa", "absolute pressure where the declared one is zero", bounds)
-
-    def compressed(pressure: Expr) -> Expr:
-        above = maximum(pressure, -least / 2)  # with less the air would fill the machine
-        return c * above / (above + least)
-
-    g.compliance(name, displacement=compressed, at=at.junction)
-    return Effect(
-        "entrained_air", name, "volume = declared + c*effort/(effort + P)", (c.name,), shapes=(least.name,),
-        reference="Gholizadeh, Burton, Schoenau (2011), International Journal of Fluid Power 12(3)",
-        manoeuvre="the same steps at a low and at a high pressure",
     )  # fmt: skip
 
 
@@ -160,7 +125,7 @@ def hardening_spring(g: BondGraph, at: Place) -> Effect | None:
     name = f"{word}_{at.name}"
     limit = spring.effort / spring.way**3
     c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit, 3), "cubic coefficient", (-limit, limit))
-    _bend(g, spring, lambda old: old + c * _STRETCH**3)
+    bend(g, spring, lambda old: old + c * _STRETCH**3)
     return Effect(
         word, spring.name, "effort = declared + c*displacement^3", (c.name,), reference=_DUFFING,
         manoeuvre="small and large swings in one log",
@@ -176,7 +141,7 @@ def progressive_spring(g: BondGraph, at: Place) -> Effect | None:
     name = f"{word}_{at.name}"
     limit = spring.effort / spring.way**2
     c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit, 2), "rise of the stiffness", (-limit, limit))
-    _bend(g, spring, lambda old: old + c * _STRETCH * Abs(_STRETCH))
+    bend(g, spring, lambda old: old + c * _STRETCH * Abs(_STRETCH))
     return Effect(
         word, spring.name, "effort = declared + c*displacement*|displacement|", (c.name,), reference=_DUFFING,
         manoeuvre="small and large displacements in one log",
@@ -192,7 +157,7 @@ def softening_spring(g: BondGraph, at: Place) -> Effect | None:
     limit = 30.0 / spring.way**2
     meaning = "1 over the square of a displacement"
     c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit, 2), meaning, (0.0, limit))
-    _bend(g, spring, lambda old: old / (1 + c * _STRETCH**2) ** Rational(1, 2))
+    bend(g, spring, lambda old: old / (1 + c * _STRETCH**2) ** Rational(1, 2))
     return Effect(
         "softening_spring", spring.name, "effort = declared/sqrt(1 + c*displacement^2)", (c.name,),
         reference=_SOFTENING, manoeuvre="small and large displacements in one log",
@@ -210,40 +175,6 @@ def one_sided_stop(g: BondGraph, at: Place) -> Effect | None:
         g, at, "one_sided_stop", lambda q, gap: sign(gap) * maximum(sign(gap) * (q - gap), 0),
         "g", both=False,
     )  # fmt: skip
-
-
-def gas_storage(g: BondGraph, at: Place) -> Effect | None:
-    """Gas that pushes back the more steeply the less volume is left to it: a hydraulic accumulator, an air spring.
-
-    It is compressed fast, with little heat exchanged, from where the declared law has no displacement; c is one over
-    the volume there. It is negative where a spring is compressed by a negative displacement.
-    """
-    is_accumulator = has_effort(at) and at.domain == HYDRAULIC
-    is_spring = is_motion(at) and at.domain != ROTATION  # no gas resists a twist
-    spring = spring_at(g, at, straight=False) if is_accumulator or is_spring else None
-    if spring is None:
-        return None
-    word = _GAS.at(at)
-    name = f"{word}_{at.name}"
-    limit = 3.0 / spring.way
-    meaning = "1 over the displacement that would leave no volume"
-    lower = 0.0 if is_accumulator else -limit
-    c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit), meaning, (lower, limit))
-    _bend(g, spring, lambda old: old.xreplace({_STRETCH: _polytropic(c)}))
-    return Effect(
-        word, spring.name, "effort = declared(y), y = ((1 - c*q)^(-4/3) - 1)/(4/3*c), q = displacement", (c.name,),
-        reference=_GAS_LAW, manoeuvre="small and large displacements in one log",
-    )  # fmt: skip
-
-
-def _polytropic(c: Expr) -> Expr:
-    """Displacement at which a straight storage has the effort of a gas, exact where c is zero.
-
-    An exponent of 4/3 lies between those of slow and fast compression, 1 and 1.4. With r the third root of the share of
-    the volume that is left, ``(r^-4 - 1)/(1 - r^3)`` is a ratio of sums, in which nothing cancels as c vanishes.
-    """
-    r = (1 - minimum(c * _STRETCH, COMPRESSED)) ** Rational(1, 3)
-    return Rational(3, 4) * _STRETCH * (1 + r) * (1 + r**2) / (r**4 * (1 + r + r**2))
 
 
 def _stop(
@@ -265,7 +196,7 @@ def _stop(
         into = beyond(_STRETCH, gap)
         return old + c * into * ((into / depth) ** 2 + SMOOTHING**4) ** ((n - 1) / 2)
 
-    _bend(g, spring, stopped)
+    bend(g, spring, stopped)
     return Effect(
         effect, spring.name, f"effort = declared + c*x*|x/r|^(n - 1), x the displacement beyond {law}", (c.name,),
         shapes=(gap.name,), widths=(n.name,), reference=_STOP,
@@ -342,7 +273,7 @@ def spring_at(g: BondGraph, at: Place, straight: bool = True) -> Spring | None:
     return Spring(springs[0].name, at.scale.effort / abs(float(stiffness)), at.scale.effort, unit)
 
 
-def _bend(g: BondGraph, spring: Spring, law: Callable[[Expr], Expr]) -> None:
+def bend(g: BondGraph, spring: Spring, law: Callable[[Expr], Expr]) -> None:
     """Give a compliance another effort, made of the old one; what gave its displacement holds no longer."""
     revise_laws(g, spring.name, lambda laws: {"effort": law(laws["effort"])})
 

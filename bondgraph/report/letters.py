@@ -17,10 +17,12 @@ _LETTERS = {
     "magnitude": "s", "delay": "T", "sharpness": "n",
 }  # fmt: skip
 #: The same of single laws, by their names: half of a play is b in one and g in others.
-_OF_EFFECT = {("backlash", "gap"): "b", ("clearance", "gap"): "b", ("dead zone", "dead"): "b"}
+_OF_EFFECT = {
+    ("backlash", "gap"): "b", ("clearance", "gap"): "b", ("dead zone", "dead"): "b", ("stepped_tank", "level"): "g",
+}  # fmt: skip
 #: Springs that get stiffer with their deflection, which a negative coefficient turns round.
 _STIFFENING = (
-    "progressive_spring", "hardening_spring", "stiffening_volume", "narrowing_tank", "voltage_dependent_capacitance",
+    "progressive_spring", "hardening_spring", "stiffening_volume", "tapered_tank", "voltage_dependent_capacitance",
     "charge_dependent_capacitance",
 )  # fmt: skip
 

@@ -114,3 +114,40 @@ def test_a_hose_is_found_with_its_exponent() -> None:
     name = closed.added[0].coefficients[0]
     exponent = 1.0 / (1.0 + closed.corrected.values[name])  # of the effort over the flow
     assert exponent == pytest.approx(EXPONENT, abs=4.0 * EXPONENT**2 * closed.corrected.std[name])
+
+
+def brake(commanded: bool = True) -> bg.BondGraph:
+    """A rotor with bearings and a brake, which follows a current."""
+    g = bg.BondGraph("brake")
+    current = g.input("current", "A")
+    rotor = g.one_junction("rotor", bg.ROTATION)
+    c, b = g.parameter("c", 0.03, "N m s/A^2"), g.parameter("b", 0.05, "N m s")
+    g.inertance("inertia", g.parameter("J", 0.8, "kg m^2"), at=rotor, state="omega")
+    g.resistance("bearing", b, at=rotor)
+    if commanded:
+        g.resistance("brake", lambda w: c * current**2 * w, at=rotor)
+    return g
+
+
+def test_a_brake_falls_beyond_its_critical_speed() -> None:
+    """The declared brake, its command with it, over one and the square of speed over critical speed."""
+    g = brake()
+    place = Place(handle(g, "rotor"), Scale(40.0, 100.0))
+    members = [one for one in members_of(effects.critical_speed, g, {}) if one(copy(g), place) is not None]
+    assert len(members) == 1  # the bearing follows nothing: eddy_current_drag lies beside it
+    effect = members[0](g, place)
+    assert effect is not None and effect.element == "brake"
+    law = g.nodes["brake"].law("effort")
+    assert law is not None
+    share = 0.7
+    values = {one.symbol: one.value for one in g.parameters} | {sympy.Symbol("current"): 3.0}
+    values = {str(key): value for key, value in values.items()} | {effect.coefficients[0]: share}
+    for speed in (-150.0, 20.0, 100.0 / np.sqrt(share)):
+        own = float(law.subs({one: {**values, "flow": speed}[str(one)] for one in law.free_symbols}))
+        assert own == pytest.approx(0.03 * 9.0 * speed / (1.0 + share * (speed / 100.0) ** 2))
+    # at the critical speed the brake is at its largest
+    peak = 100.0 / np.sqrt(share)
+    slope = sympy.diff(law, sympy.Symbol("flow"))
+    at_peak = {one: {**values, "flow": peak}[str(one)] for one in slope.free_symbols}
+    assert abs(float(slope.subs(at_peak))) < 1e-9
+    assert all(one(brake(False), place) is None for one in members_of(effects.critical_speed, brake(False), {}))

@@ -154,7 +154,7 @@ def test_coefficients_have_the_units_of_their_domain(domain: object, units: tupl
 
 def test_the_package_lists_the_effects_of_its_modules() -> None:
     names = [function.__name__ for function in effect_functions(effects)]
-    assert len(names) == len(set(names)) == 90
+    assert len(names) == len(set(names)) == 92
     assert set(names) <= set(every_effect())
 
 
@@ -177,8 +177,8 @@ def offered() -> list[Candidate]:
 def test_every_mechanical_effect_of_junctions_has_one_in_the_driveline(offered: list[Candidate]) -> None:
     names = {candidate.effect.name for candidate in offered}
     mechanical = {row.name for row in catalogue() if row.default and "mechanical" in row.domains}
-    # it has no commanded ratio, no spring along a straight way, no motor and no magnet
-    elsewhere = {"ratio_lag", "ratio_scale", "air_spring", "gap_dependence"}
+    # it has no commanded ratio or brake, no spring along a straight way, no motor and no magnet
+    elsewhere = {"ratio_lag", "ratio_scale", "air_spring", "gap_dependence", "critical_speed"}
     elsewhere |= {"ratio_by_stroke", "inertia_by_position"}  # nor a spring beside a constant ratio, nor a position
     expected = {row.name for row in catalogue() if row.name in mechanical and row.place[1:] == "-junction"}
     assert names == expected - elsewhere

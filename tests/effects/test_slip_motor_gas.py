@@ -16,7 +16,7 @@ from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.derive.causality import bond_labels
 from bondgraph.effects.actuators import armature_reaction, modulus_fading
 from bondgraph.effects.between import coupling_slip
-from bondgraph.effects.storages import COMPRESSED, gas_storage
+from bondgraph.effects.vessels import COMPRESSED, gas_storage
 from bondgraph.simulate.simulation import simulate
 from tests.effects.machines.machine import Machine, Rates, steps
 

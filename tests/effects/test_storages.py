@@ -18,13 +18,12 @@ from bondgraph.effects.gaps import backlash
 from bondgraph.effects.storages import (
     added_capacity,
     end_stop,
-    entrained_air,
-    gas_storage,
     hardening_spring,
     one_sided_stop,
     progressive_spring,
     softening_spring,
 )
+from bondgraph.effects.vessels import entrained_air, gas_storage, stepped_tank
 from bondgraph.simulate.simulation import simulate
 
 PRESSURE = 3e6
@@ -124,6 +123,25 @@ def test_entrained_air_softens_a_line_at_low_pressure_only() -> None:
     assert pressure[400] > 10.0 * pressure[10]
     assert at_line(copy(vessel(False, bg.ELECTRICAL)), entrained_air) is None
     assert at_line(copy(vessel(False)), added_capacity) is not None
+
+
+@pytest.mark.parametrize(("level", "share"), [(0.4, -0.3), (0.4, 2.0), (-0.2, -0.5), (-0.2, 1.0)])
+def test_a_tank_with_a_step_fills_as_two_tanks(level: float, share: float) -> None:
+    """Up to its level a tank is as declared; beyond, its section is smaller by one over one plus the share."""
+    g = vessel(by_capacity=False)
+    effect = at_line(g, stepped_tank)
+    assert effect is not None
+    law = g.nodes[effect.element].law("effort")
+    declared = vessel(by_capacity=False).nodes[effect.element].law("effort")
+    assert law is not None and declared is not None
+    known = {one.symbol: one.value for one in g.parameters}
+    values = {**known, symbol(effect.coefficients[0]): share, symbol(effect.shapes[0]): level}
+    own, before = (
+        [float(one.subs(values).subs({symbol("displacement"): v})) for v in (level / 2, level, 2 * level)]
+        for one in (law, declared)
+    )
+    assert own[:2] == pytest.approx(before[:2])
+    assert own[2] - own[1] == pytest.approx((1.0 + share) * (before[2] - before[1]))
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])

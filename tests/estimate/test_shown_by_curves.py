@@ -152,5 +152,5 @@ def test_what_one_output_shows_lets_a_curve_show_another_state() -> None:
 def test_a_vessel_that_widens_is_told_where_every_run_begins_elsewhere(logs: list[MatchedLog]) -> None:
     """The law of the storage began where the straight one does: it lost to a product of inflow and level."""
     closed = bg.close_loop(hopper(widens=False), logs, [emptied(3, 4500.0)])
-    assert [one.trial.candidate.label for one in closed.added] == ["narrowing_tank at vessel"]
+    assert [one.trial.candidate.label for one in closed.added] == ["tapered_tank at vessel"]
     assert closed.verdict == "effect found"

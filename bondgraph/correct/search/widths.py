@@ -4,8 +4,9 @@ Dry friction is smoothed around standstill over a width that its author chose. W
 sharply, a law with more coefficients makes up for it: of a drive whose dry friction changed its sign over an eighth of
 our width Stribeck friction was found, with p = 5e-29. So before a law with widths is chosen, it, those that do as well
 and the simpler ones at its place are fitted with their widths free, each counted as one more parameter; of those that
-do as well then the simplest is taken. An exponent that differs from case to case is freed in the same way, that of
-convection between 5/4 and 4/3.
+do as well then the simplest is taken. A formula, whose width is fitted, is chosen only where a known law at its place
+does worse at any width: a valve that opens over a tenth of our width was told as a function of another signal. An
+exponent that differs from case to case is freed in the same way, that of convection between 5/4 and 4/3.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.correct.constants import INDIFFERENT
+from bondgraph.correct.constants import INDIFFERENT, MOSTLY
 from bondgraph.correct.evidence.certified import resolving, with_steps
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import judge
@@ -39,8 +40,10 @@ _ROUNDS = 3
 
 def is_due(best: Trial, trials: Sequence[Trial], context: Context) -> bool:
     """Whether widths are to be freed before a trial is chosen; of a stiff model where a simpler law may do as well."""
-    if best.gate is not None or best.fit is None or not best.candidate.effect.widths:
+    if best.gate is not None or best.fit is None:
         return False
+    if not best.candidate.effect.widths:
+        return bool(_known(best, trials))
     return bool(_simpler(best, trials)) or not context.base.problem.filter_model.is_stiff
 
 
@@ -48,14 +51,19 @@ def at_any_width(best: Trial, trials: Sequence[Trial], context: Context) -> list
     """The trials, the best, its equals and the simpler ones at its place with free widths where these explain more.
 
     Of those that gain as much, to a few nats beyond their number of parameters, the simpler one is left as the best.
+    Of a formula, the law of the dictionary that comes nearest to it.
     """
     done = list(trials)
-    others = [*_simpler(best, trials), *_equals(best, trials)]
+    others = [*_simpler(best, trials), *_equals(best, trials)] if best.candidate.effect.widths else _known(best, trials)
     due = [k for k, one in enumerate(done) if one is best or any(one is other for other in others)]
     for k in due:
+        if not done[k].candidate.effect.widths:
+            continue
         freed = attempted(lambda one=done[k]: with_free_widths(one, context), lambda why: None)  # type: ignore[misc]
         if freed is not None and _worth(freed) > _worth(done[k]):
             done[k] = freed
+    if not best.candidate.effect.widths:  # a known law is preferred to a formula in any case
+        return done
     simplest = max(
         due, key=lambda k: (_worth(done[k]) > max(_worth(done[j]) for j in due) - INDIFFERENT, -_size(done[k]))
     )
@@ -93,6 +101,24 @@ def _equals(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
         and one.candidate.effect.widths
         and _worth(one) > _worth(best) - INDIFFERENT
     ]
+
+
+def _known(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """The best law with a width at the place of a formula, if it explains most of what that does; none else."""
+    if not best.candidate.effect.formula:
+        return []
+    own = best.candidate
+    found = [
+        one
+        for one in trials
+        if (one.candidate.place.label, one.candidate.effect.regime) == (own.place.label, own.effect.regime)
+        and one.gate is None
+        and one.fit is not None
+        and one.candidate.effect.widths
+        and not one.candidate.effect.formula
+        and _worth(one) > MOSTLY * _worth(best)
+    ]
+    return [max(found, key=_worth)] if found else []
 
 
 def with_free_widths(trial: Trial, context: Context) -> Trial:
