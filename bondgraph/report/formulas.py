@@ -29,7 +29,7 @@ def headline_name(closed: ClosedLoop, added: Added) -> str:
         return f"{own} in a form of its own{f', {away} % from it' if away else ''}"
     if formula is None:
         return law_title(named(added, closed.corrected)) + turned
-    return f"an unnamed law at {formula.place.label} ({formula.text(closed.corrected.values)})"
+    return f"formula ({formula.text(closed.corrected.values)}) at {formula.place.label}"
 
 
 def _turns_round(added: Added, closed: ClosedLoop) -> bool:

@@ -219,7 +219,11 @@ def doubts(which: str, found: Check) -> list[str]:
     """What to say where steps do matter: nothing, or one sentence about the ``which`` model."""
     if found.shift <= NEGLIGIBLE_SHIFT:
         return []
+    if found.shift < 1.0:
+        advice = "count that as a part of its uncertainty"
+    else:
+        advice = "do not rely on its value: give logs with more samples a second, or declare no part that is as fast"
     return [
         f"the {which} model is not certified: with every integration step halved, {found.parameter} would move by "
-        f"{found.shift:.2g} standard deviations (likelihood {found.nats:+.3g} nats)"
+        f"{found.shift:.2g} standard deviations (likelihood {found.nats:+.3g} nats) - {advice}"
     ]

@@ -147,7 +147,8 @@ def step_manoeuvres(model: Model, logs: Sequence[MatchedLog]) -> tuple[Manoeuvre
             u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
             up = ((time - time[0]) // seconds).astype(int) % 2 == 0
             u[row] = np.where(up, high[row], low[row])
-            found.append((f"steps of {info.name} every {seconds:.3g} s, the other inputs at rest", u))
+            others = ", the other inputs at rest" if len(rows) > 1 else ""
+            found.append((f"steps of {info.name} every {seconds:.3g} s{others}", u))
         u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
         u[row] = np.where(np.arange(time.size) < time.size // 3, high[row], min(max(low[row], 0.0), high[row]))
         found.append((f"running out after {info.name} is taken away", u))
