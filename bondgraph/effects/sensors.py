@@ -94,10 +94,10 @@ def sensor_lag(g: BondGraph, at: Place) -> Effect | None:
 @sensor_fault
 def sensor_ceiling(g: BondGraph, at: Place) -> Effect | None:
     """A range that ends: what exceeds it is shown as its end, an amplifier's supply or a converter's last number."""
-    name = f"ceiling_{at.name}"
+    name = f"c_ceiling_{at.name}"  # c of the law: the ceiling itself would be infinite where there is none
     unit = over("1", _unit(g, at))
     c = g.parameter(name, 0.0, unit, f"1 over the ceiling of {at.output}", (0.0, 3.0 / at.scale.effort))
-    n = sharpness(g, f"sharpness_{at.name}")
+    n = sharpness(g, f"sharpness_ceiling_{at.name}")
     revise_output(g, at.output, lambda shown: ceiling(shown, c, n))
     return Effect(
         "sensor_ceiling", at.output, "shown = x/(1 + |c*x|^n)^(1/n), x true", (name,), amplitudes=(0.3, 0.6),
