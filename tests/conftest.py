@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import hashlib
 import os
 import sys
@@ -33,7 +34,18 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
         return None
     from xdist.scheduler import LoadFileScheduling
 
+    config.option.loadscopereorder = False  # the order is that of the next function
     return LoadFileScheduling(config, log)
+
+
+#: Modules that are few tests and take long: type checks, and the demonstration of every missing effect.
+LONG = ("test_house.py", "test_demo.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with long modules, then those of many tests, so that no worker waits for the last one."""
+    many = collections.Counter(one.path for one in items)
+    items.sort(key=lambda one: (one.path.name not in LONG, -many[one.path]))
 
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
