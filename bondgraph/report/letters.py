@@ -25,6 +25,8 @@ _STIFFENING = (
     "progressive_spring", "hardening_spring", "stiffening_volume", "tapered_tank", "voltage_dependent_capacitance",
     "charge_dependent_capacitance",
 )  # fmt: skip
+#: Share of its range within which an estimate rests on an end: what a search leaves of a way to a wall.
+_AT_END = 1e-4
 
 
 def constants(
@@ -66,7 +68,17 @@ def _valued(info: ParameterInfo, values: Mapping[str, float], ci95: Mapping[str,
     if info.name not in ci95:
         return f"{shown(value)}{_unit(info.display_unit)}"
     low, high = ci95[info.name]
-    return with_ends(value, (info.shown(low), info.shown(high)), info.display_unit)
+    told = with_ends(value, (info.shown(low), info.shown(high)), info.display_unit)
+    return f"{told}, at its {_end(info, values)} limit" if _end(info, values) else told
+
+
+def _end(info: ParameterInfo, values: Mapping[str, float]) -> str:
+    """The end of its range on which a shape rests: "lower", "upper" or none."""
+    value = values.get(info.name, info.value)
+    if info.lower is None or info.upper is None:
+        return ""
+    near = _AT_END * (info.upper - info.lower)
+    return "lower" if value <= info.lower + near else "upper" if value >= info.upper - near else ""
 
 
 def _unit(unit: str) -> str:

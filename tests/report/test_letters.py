@@ -37,6 +37,20 @@ def test_every_letter_of_a_law_is_told(name: str, domain: str, words: tuple[str,
     assert len(re.findall(r"\bw = ", told)) == ("w = " in words)
 
 
+def test_a_shape_that_rests_on_the_end_of_its_range_is_said_to() -> None:
+    """Of a ceiling "n = 2.00 [2.00, 2.25]" was told, and not that no smaller n is looked for."""
+    place, effect, graph = next(iter(added(every_effect()["actuator_ceiling"], BENCHES["mechanical"]())))
+    model = build(graph).model
+    shape = model.parameters[model.index("parameter", effect.shapes[0])]
+    values = {one.name: one.value for one in graph.flatten().parameters}
+    ends = {shape.name: (shape.lower or 0.0, 1.1 * shape.value)}
+    for value, words in ((shape.lower, "at its lower limit"), (shape.upper, "at its upper limit")):
+        told = found_effect(effect, place, model, values | {shape.name: value or 0.0}, ends).law
+        assert words in told
+    middle = values | {shape.name: 1.5 * (shape.lower or 0.0)}
+    assert "limit" not in found_effect(effect, place, model, middle, ends).law
+
+
 def test_a_stiffening_spring_with_a_negative_coefficient_is_said_to_soften() -> None:
     """An isolator that softens was called a progressive spring without a word."""
     assert _found("progressive_spring", "mechanical", -0.01).law.endswith("(c is negative: it softens as it deflects)")
