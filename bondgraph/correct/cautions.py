@@ -10,7 +10,7 @@ from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.evidence.replaced import parameters_beside
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.gauge import OPEN, told_together, unknown
+from bondgraph.correct.gauge import told_together, unknown
 from bondgraph.correct.round import Round
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
@@ -59,7 +59,7 @@ def _unknown(fitted: Fit, names: Sequence[str]) -> list[str]:
 
     Standard deviations say nothing of a direction that is open to rounding.
     """
-    together = [one for one in told_together(fitted) if one.condition > OPEN or len(set(one.names) & set(names)) > 1]
+    together = told_together(fitted, names, 2)
     said = [f"in these logs {one}: fix one of them, or drive so that they act apart" for one in together]
     left = [name for name in names if not any(name in one.names for one in together)]
     if left:

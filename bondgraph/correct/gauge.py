@@ -10,7 +10,7 @@ Akaike's criterion: Akaike (1974), IEEE Transactions on Automatic Control 19(6).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.text import number
 
 #: Condition index from which a direction is open to rounding: derivatives by differences are right to the sixth digit.
-OPEN = 1e6
+_OPEN = 1e6
 #: Nats that a free parameter must be worth: Akaike's criterion has two of twice the likelihood.
 _WORTH = 1.0
 #: Standard deviation, as a share of the way from bound to bound, from which logs say next to nothing of a parameter:
@@ -55,11 +55,18 @@ def unknown(fitted: Fit) -> tuple[str, ...]:
     return tuple(name for name in own if std[name] > _UNKNOWN * spans[name])
 
 
-def told_together(fitted: Fit) -> tuple[Combination, ...]:
-    """Groups of free parameters of which the logs tell combinations alone; none where that cannot be computed."""
+def told_together(fitted: Fit, little: Collection[str], least: int = 1) -> tuple[Combination, ...]:
+    """Groups of free parameters of which the logs tell combinations alone; none where that cannot be computed.
+
+    They are open to rounding, or have at least as many members of which the logs tell ``little``.
+    """
     information = fitted.expansion.information
+
+    def wanted(names: Sequence[str], condition: float) -> bool:
+        return condition > _OPEN or len(set(names).intersection(little)) >= least
+
     found: tuple[Combination, ...] = attempted(
-        lambda: combinations(fitted.problem, fitted.point, information), lambda why: ()
+        lambda: combinations(fitted.problem, fitted.point, information, wanted), lambda why: ()
     )
     return tuple(one for one in found if one.together)
 
@@ -84,8 +91,8 @@ def _held(fitted: Fit, refit: Callable[[EstimationProblem, FloatArray], Fit], st
     """
     problem, model = fitted.problem, fitted.problem.filter_model.model
     little = set(_open(fitted, starts))
-    for group in told_together(fitted):
-        open_ = set(group.names) if group.condition > OPEN else little.intersection(group.names)
+    for group in told_together(fitted, little):
+        open_ = set(group.names) if group.condition > _OPEN else little.intersection(group.names)
         for one in sorted((one for one in problem.free if one.name in open_), key=_width):
             info = model.parameters[model.index("parameter", one.name)]
             declared, value = float(model.theta()[model.index("parameter", one.name)]), fitted.values[one.name]

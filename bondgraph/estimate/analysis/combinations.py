@@ -11,7 +11,7 @@ so the likelihood decides: it is evaluated along both curves, and the one along 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
@@ -35,6 +35,9 @@ _FACTORS = (1.15, 1.07, 1.03)
 #: A law holds if along it the likelihood rises by less than this share of what it rises when one moves alone; of two
 #: along which it rises by less than the second share, which is rounding, the one of simple numbers is said.
 _HOLDS, _EXACT = 3e-4, 1e-7
+
+#: Whether a group of parameters is looked at, by its names and its condition index.
+Wanted = Callable[[Sequence[str], float], bool]
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,9 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
 
 
-def combinations(problem: Problem, point: FloatArray, information: FloatArray) -> tuple[Combination, ...]:
+def combinations(
+    problem: Problem, point: FloatArray, information: FloatArray, wanted: Wanted | None = None
+) -> tuple[Combination, ...]:
     """Groups of parameters that act only together.
 
     Parameters
@@ -98,6 +103,9 @@ def combinations(problem: Problem, point: FloatArray, information: FloatArray) -
         Coordinates, shape (n,).
     information
         Fisher information in them, shape (n, n).
+    wanted
+        Whether a group is looked at, by its names and its condition index; None: each is. What law it holds takes some
+        values of the likelihood.
 
     Examples
     --------
@@ -134,8 +142,9 @@ def combinations(problem: Problem, point: FloatArray, information: FloatArray) -
     for rows in groups:
         along = _Along(problem, point, usable[rows], others, following[:, rows])
         mostly = (eigen.vectors[np.ix_(rows, open_)] ** 2).sum(axis=0) > VARIANCE_SHARE  # directions of this group
-        own = index[open_][mostly] if mostly.any() else index[open_]
-        found.append(_combination(along, directions[rows], float(own.max())))
+        condition = float((index[open_][mostly] if mostly.any() else index[open_]).max())
+        if wanted is None or wanted(along.names, condition):
+            found.append(_combination(along, directions[rows], condition))
     return tuple(found)
 
 
@@ -177,6 +186,11 @@ class _Along:
     following: FloatArray
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters that move."""
+        return tuple(self.problem.names[row] for row in self.rows)
+
+    @property
     def values(self) -> FloatArray:
         """Values of the parameters that move, shape (k,)."""
         values: FloatArray = self.problem.values(self.point)[self.rows]
@@ -201,7 +215,7 @@ class _Along:
 
 def _combination(along: _Along, directions: FloatArray, condition: float) -> Combination:
     values, size = along.values, len(along.rows)
-    names = tuple(along.problem.names[row] for row in along.rows)
+    names = along.names
     dimension = int(np.sum(np.linalg.svd(directions, compute_uv=False) > 0.05 * np.linalg.norm(directions, 2)))
     known = {law: _echelon(law.across(directions, values), dimension) for law in _LAWS}
     for factor in _FACTORS:
