@@ -71,27 +71,46 @@ def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     formula = formula_of(candidate.function)
     if formula is not None:
         return _formula(closed, added, formula)
-    graph = closed.corrected_graph
     if candidate.place.bond is not None or candidate.place.junction.kind != "1":
         return None
-    values = {parameter.name: parameter.value for parameter in graph.flatten().parameters}
-    if law_curve(graph, candidate.effect.element, values, np.zeros(1)) is None:
-        return None
-    logs = [log.log for log in closed.nominal_train.logs]
     try:
-        found = missing_effort(_without(closed, added), closed.corrected, logs, candidate.place)
+        return _with_law(closed, added)
     except FAILURES:
         return None
-    span = np.linspace(float(np.nanmin(found.flow)), float(np.nanmax(found.flow)), _POINTS)
+
+
+def _with_law(closed: ClosedLoop, added: Added) -> MissingEffort | None:
+    """The missing effort over the flow, or the displacement of the storage that a law changes, and the law through it.
+
+    Of an element that is declared the law is what the effect adds to it.
+    """
+    candidate, graph, base = added.trial.candidate, closed.corrected_graph, _without(closed, added)
+    element = candidate.effect.element
+    values = {parameter.name: parameter.value for parameter in graph.flatten().parameters}
+    own = "displacement" if graph.flatten().nodes[element].kind == "C" else "flow"
+    if law_curve(graph, element, values, np.zeros(1), own) is None:
+        return None
+    signal = next((one for one in closed.rounds[-1].signals if one.name == f"displacement of {element}"), None)
+    if own == "displacement" and signal is None:
+        return None
+    found = missing_effort(base, closed.corrected, [log.log for log in closed.nominal_train.logs], candidate.place)
+    x, label, unit = found.flow, f"flow of {found.junction}", found.flow_unit
+    if own == "displacement" and signal is not None:
+        x, label, unit = np.concatenate(signal.values), signal.name, signal.unit
+    span = np.linspace(float(np.nanmin(x)), float(np.nanmax(x)), _POINTS)
+    declared = np.zeros(span.size)
+    if element in base.graph.flatten().nodes:
+        known = law_curve(base.graph, element, values, span, own)
+        declared = declared if known is None else known
     name = added.coefficients[0]
     ends = intervals(closed.corrected)[name]
-    curves = [law_curve(graph, candidate.effect.element, values | {name: end}, span) for end in (values[name], *ends)]
-    law, lower, upper = (curve if curve is not None else np.full(span.size, np.nan) for curve in curves)
+    curves = [law_curve(graph, element, values | {name: end}, span, own) for end in (values[name], *ends)]
+    law, lower, upper = (np.full(span.size, np.nan) if curve is None else curve - declared for curve in curves)
     return MissingEffort(
         title=f"{candidate.effect.name} at {candidate.place.label}",
-        x_label=f"flow of {found.junction} [{found.flow_unit}]",
+        x_label=f"{label} [{unit}]" if unit else label,
         y_label=f"missing effort [{found.effort_unit}]",
-        x=found.flow,
+        x=x,
         missing=found.effort,
         law_x=span,
         law=law,
@@ -163,8 +182,10 @@ def _formula(closed: ClosedLoop, added: Added, formula: Formula) -> MissingEffor
     )
 
 
-def law_curve(graph: BondGraph, element: str, values: Mapping[str, float], flow: FloatArray) -> FloatArray | None:
-    """The effort that an element takes at given flows, shape (n,); None where it is no function of the flow alone.
+def law_curve(
+    graph: BondGraph, element: str, values: Mapping[str, float], at: FloatArray, own: str = "flow"
+) -> FloatArray | None:
+    """The effort of an element at given flows, or displacements, shape (n,); None where it is no function of these.
 
     Examples
     --------
@@ -176,13 +197,13 @@ def law_curve(graph: BondGraph, element: str, values: Mapping[str, float], flow:
     [2.0, 4.0]
     """
     node = graph.flatten().nodes[element]
-    law = node.law("effort") if node.kind in ("R", "Se") and node.ports == 1 else None
+    kinds = ("R", "Se") if own == "flow" else ("C",)
+    law = node.law("effort") if node.kind in kinds and node.ports == 1 else None
     if law is None:
         return None
-    own = symbol("flow")
     known = law.xreplace({symbol(name): sympy.Float(value) for name, value in values.items()})
-    if not known.free_symbols <= {own}:
+    if not known.free_symbols <= {symbol(own)}:
         return None
-    evaluated = numeric([own], -known if node.kind == "Se" else known)(flow)
-    curve: FloatArray = np.broadcast_to(np.asarray(evaluated, dtype=np.float64), flow.shape).copy()
+    evaluated = numeric([symbol(own)], -known if node.kind == "Se" else known)(at)
+    curve: FloatArray = np.broadcast_to(np.asarray(evaluated, dtype=np.float64), at.shape).copy()
     return curve
