@@ -200,7 +200,7 @@ def surroundings(g: BondGraph, at: Place) -> Around | None:
     absolute = max(at.scale.effort, _initial_temperature(g, at)) > ABSOLUTE_ABOVE
     source = _nearest_source(g, at.junction.name)
     if source is not None:
-        return Around(signal("effort", source), 0.0 if absolute else CELSIUS_ZERO)
+        return Around(source, 0.0 if absolute else CELSIUS_ZERO)
     for node in elements_at(g, at, "R"):
         law = node.law("flow")
         parts = None if law is None else affine_parts(law, symbol("effort"))
@@ -220,16 +220,28 @@ def _initial_temperature(g: BondGraph, at: Place) -> float:
     return 0.0
 
 
-def _nearest_source(g: BondGraph, junction: str) -> str | None:
-    """The temperature source nearest to a junction, through thermal junctions alone."""
+def _nearest_source(g: BondGraph, junction: str) -> Expr | None:
+    """The temperature of the source nearest to a junction, through thermal junctions alone.
+
+    It is as seen from there: a source whose bond points to a difference counts against the body on its other side.
+    """
     flat = g.flatten()
     kept = {node.name for node in flat.nodes.values() if node.is_junction or node.kind == "Se"}
     network = nx.Graph((bond.source, bond.target) for bond in flat.bonds if {bond.source, bond.target} <= kept)
     if junction not in network:
         return None
-    away = nx.single_source_shortest_path_length(network, junction)
-    found = [(far, name) for name, far in away.items() if flat.nodes[name].kind == "Se"]
-    return min(found)[1] if found else None
+    ways = nx.single_source_shortest_path(network, junction)
+    found = [(len(way), name) for name, way in ways.items() if flat.nodes[name].kind == "Se"]
+    if not found:
+        return None
+    nearest = min(found)[1]
+    way, targets, turned = ways[nearest], {(bond.source, bond.target) for bond in flat.bonds}, False
+    for before, at, after in zip(way, way[1:], way[2:], strict=False):
+        # efforts at a 1-junction add up to nothing, those of bonds that leave it with a minus
+        if flat.nodes[at].kind == "1" and ((before, at) in targets) == ((after, at) in targets):
+            turned = not turned
+    seen = signal("effort", nearest)
+    return -seen if turned else seen
 
 
 def _radiating(g: BondGraph, at: Place, name: str, zero: float) -> Expr:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import bondgraph as bg
 from bondgraph import effects
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.models.bonds import bond_model
@@ -205,6 +206,39 @@ def test_what_is_around_a_body_is_known_in_kelvin_degrees_or_as_a_rise() -> None
         g.resistance("air", flow=law, at=body)
         known = surroundings(g, Place(body, Scale(60.0, 100.0)))
         assert known is not None and float(known.temperature) == around and known.zero == zero
+
+
+@pytest.mark.parametrize("function", [effects.heat_loss, effects.convection, effects.radiation])
+def test_a_room_is_the_same_whichever_way_its_bond_points(function: EffectFunction) -> None:
+    """A source of minus 293 K, with its bond towards the wall, was a room at minus 293 K to every law of heat."""
+
+    def case(leaves: bool) -> bg.BondGraph:
+        g = bg.BondGraph("case")
+        body, wall = g.zero_junction("body", bg.THERMAL), g.one_junction("wall", bg.THERMAL)
+        room = g.parameter("T_room", 293.0, "K")
+        g.flow_source("heater", g.input("power", "W"), at=body)
+        g.compliance("heat", 1 / g.parameter("C", 400.0, "J/K"), at=body, state="Q", initial=400.0 * 300.0)
+        g.bond(body, wall)
+        g.resistance("air", g.parameter("R", 0.5, "K/W"), at=wall)
+        if leaves:
+            g.bond(wall, g.effort_source("room", room))
+        else:
+            g.effort_source("room", -room, at=wall)
+        g.measure_effort("shown", body)
+        return g
+
+    found = []
+    for leaves in (True, False):
+        g = case(leaves)
+        effect = function(g, Place(handle(g, "body"), Scale(400.0, 300.0)))
+        assert effect is not None
+        largest = next(one.bounds for one in g.parameters if one.name == effect.coefficients[0])
+        assert largest is not None
+        model = bg.build(with_values(g, {effect.coefficients[0]: 0.3 * largest[1]})).model
+        time = np.arange(0.0, 300.0, 5.0)
+        found.append(bg.simulate(model, time, np.full((1, time.size), 60.0)).y[0])
+    assert np.ptp(found[0]) > 5.0
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
 
 
 def test_an_absolute_temperature_that_nothing_surrounds_is_in_a_room() -> None:
