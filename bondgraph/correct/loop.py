@@ -321,7 +321,8 @@ def _result(
     state = _eventless(start, rest.state)
     current, last = state.fit, state.check
     assert last is not None  # every fit of the way is certified
-    residual = whiteness(current, state.train)
+    beside = rest.state if state.laws or state.constants else state  # an event that is known colours nothing
+    residual = whiteness(beside.fit, beside.train)
     corrected_built, undeclared = corrected(begun.fit, state)
     report("assess", 0, 1)
     every = [
@@ -335,7 +336,7 @@ def _result(
     cautions = (
         *begun.cautions, *cautions_of(nominal, rounds, current), *_doubts(begun, state, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()),
-        *unsearched(rounds, settings.refits, is_white(current, settings.level)),
+        *unsearched(rounds, settings.refits, is_white(beside.fit, settings.level)),
         *start_cautions(undeclared), *after_delays(state.added, current),
         *begun_with(state.built.model, state.train), *(estimated_starts(current) if state.laws else ()),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),

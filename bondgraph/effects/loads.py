@@ -39,6 +39,9 @@ _CONSTANT_FLOW = Words("", "offset_current", "constant_inflow", "constant_heat",
 #: The most periods in a turn at which a load that repeats is tried. Cogging repeats with the least common multiple of
 #: slots and poles in a turn (Hanselman), of twelve slots and fourteen poles, as direct drives have them, 84 times.
 _MOST_PERIODS = 84
+#: The most periods of a detent: four for each tooth of a hybrid stepping motor's rotor, which has fifty as a rule.
+#: Kenjo, Sugawara (1994), Stepping Motors and Their Microprocessor Controls, chapter 2.
+_DETENT, _MOST_DETENT = 4, 200
 #: Time in which a drifting load may become as large as the efforts at its place [s].
 LONGEST_DRIFT = 100.0
 
@@ -136,10 +139,11 @@ def ripple(g: BondGraph, at: Place) -> Effect | None:
     """A torque that repeats with an angle: cogging of magnets, teeth, a universal joint, a bent shaft.
 
     The angle is that of a spring, the one that the graph declares, or one that is added and starts at zero. Whole
-    periods in a turn are tried, up to those of which samples show two parts at half the largest speed.
+    periods in a turn are tried, beyond those of direct drives the detents of stepping motors, up to those of which
+    samples show two parts at half the largest speed.
     """
     turns = has_flow(at) and at.domain == ROTATION
-    most = min(_MOST_PERIODS, int(2 * pi / (at.scale.flow * at.times[0]))) if turns else 0
+    most = min(_MOST_DETENT, int(2 * pi / (at.scale.flow * at.times[0]))) if turns else 0
     angle = _angle_at(g, at) if most else None
     if angle is None:
         return None
@@ -150,7 +154,8 @@ def ripple(g: BondGraph, at: Place) -> Effect | None:
     cosine = g.parameter(f"cosine_{name}", 0.0, unit, "amplitude of the cosine", bounds)
     order = g.parameter(f"order_{name}", 1.0, "1", "periods in a turn", (0.5, most + 0.5))
     g.effort_source(name, -sine * sin(order * angle) - cosine * cos(order * angle), at=at.junction)
-    tried = tuple(float(whole) for whole in range(1, most + 1))
+    detents = range(_MOST_PERIODS + _DETENT, most + 1, _DETENT)
+    tried = tuple(float(whole) for whole in (*range(1, min(most, _MOST_PERIODS) + 1), *detents))
     return Effect(
         "ripple", name, "effort = a*sin(n*angle) + b*cos(n*angle)", (sine.name, cosine.name), shapes=(order.name,),
         grids=((order.name, tried),), reference=_COGGING, manoeuvre="slow turning without load, over several turns",

@@ -63,7 +63,8 @@ class HeldOutLog:
             }
             for one in self.errors
         }  # fmt: skip
-        return {"log": self.name, **_finite(numbers), "nis_band": list(self.nis_band), "channels": channels}
+        band = [end if math.isfinite(end) else None for end in self.nis_band]
+        return {"log": self.name, **_finite(numbers), "nis_band": band, "channels": channels}
 
 
 def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
