@@ -150,7 +150,10 @@ def resting(fitted: Fit) -> list[str]:
 def _undetectable(rounds: Sequence[Round]) -> list[str]:
     """Sentences on effects that the logs do not show, less those that a later round could see, or a law stands for."""
     seen = {(one.effect, one.junction) for turn in rounds for one in turn.detectable if np.isfinite(one.size)} | {
-        (turn.chosen.candidate.effect.described, turn.chosen.candidate.place.label) for turn in rounds if turn.chosen
+        (name, turn.chosen.candidate.place.label)
+        for turn in rounds
+        if turn.chosen
+        for name in (turn.chosen.candidate.effect.described, turn.chosen.candidate.effect.name)  # everywhere, in part
     }
     seen |= {(one.name, one.junction) for turn in rounds for one in turn.alternatives if one.indistinguishable}
     blind = [one for one in (rounds[0].detectable if rounds else ()) if (one.effect, one.junction) not in seen]
