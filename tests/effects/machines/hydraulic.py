@@ -104,7 +104,7 @@ def pipe_rates(effect: bool) -> Rates:
 PIPE = Machine(
     pipe, pipe_rates, [0.0], lambda x, u, effect: x, [5e-5],
     lambda time, chance: steps(time, chance, -5e4, 2e5, 3.0)[np.newaxis], 0.1, 700,
-    frozenset({"orifice_loss at column", "resistance_exponent at column"}),
+    frozenset({"orifice_loss at column", "resistance_exponent at column", "turbulent_loss at column"}),
     frozenset({"flow of column"}), "loss 9e4*(Q/0.01)^1.75",
 )  # fmt: skip
 
