@@ -16,6 +16,7 @@ from sympy import Abs, Expr, Rational, asinh, exp, tanh
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
+from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
@@ -91,12 +92,20 @@ def _level(word: str) -> str:
 
 
 def _holding(g: BondGraph, at: Place, word: str, drag: Node, slope: Expr) -> Effect:
-    """Dry friction beside the drag that decides the flow: nothing moves until the effort exceeds it."""
-    _, level = coefficient(g, at, word, _level(word), effort_unit(at), power=0)
-    effort, name = symbol("effort"), f"{word}_{at.name}"
-    meaning = "effort over which it begins to give way"
-    w = g.parameter(f"w_{name}", at.smoothing * at.scale.effort, effort_unit(at), meaning)
-    held = (((effort + level) ** 2 + w**2) ** Rational(1, 2) - ((effort - level) ** 2 + w**2) ** Rational(1, 2)) / 2
+    """Dry friction beside the drag that decides the flow: nothing moves until the effort exceeds it.
+
+    A valve opens over some width about its pressure, and leaks a little below.
+    """
+    name, level = coefficient(g, at, word, _level(word), effort_unit(at), power=0)
+    effort, law = symbol("effort"), "flow = (effort - clip(effort, -c, c))/d, d declared"
+    held: Expr = clip(effort, -level, level)
+    widths: tuple[str, ...] = ()
+    if word == _CONSTANT.hydraulic:
+        meaning = "pressure over which it opens"
+        w = g.parameter(f"w_{name}", at.smoothing * at.scale.effort, effort_unit(at), meaning)
+        held = (_length(effort + level, w) - _length(effort - level, w)) / 2
+        widths = (w.name,)
+        law = "flow = (effort - held)/d, d declared, held = effort within -c and c, round over w"
 
     def moving(laws: Mapping[str, Expr]) -> dict[str, Expr]:
         if "flow" in laws:
@@ -106,10 +115,13 @@ def _holding(g: BondGraph, at: Place, word: str, drag: Node, slope: Expr) -> Eff
 
     revise_laws(g, drag.name, moving)
     return Effect(
-        word, drag.name, "flow = (effort - held)/d, d declared, held = effort within -c and c, round over w",
-        (level.name,), amplitudes=(0.01, 0.03, 0.1, 0.3), widths=(w.name,), reference=_SURVEY,
+        word, drag.name, law, (level.name,), amplitudes=(0.01, 0.03, 0.1, 0.3), widths=widths, reference=_SURVEY,
         dissipative=True, manoeuvre=_REVERSALS,
     )  # fmt: skip
+
+
+def _length(one: Expr, other: Expr) -> Expr:
+    return (one**2 + other**2) ** Rational(1, 2)
 
 
 def stribeck_loss(g: BondGraph, at: Place) -> Effect | None:
