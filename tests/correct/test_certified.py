@@ -180,6 +180,7 @@ def test_explicit_steps_that_a_law_made_short_are_not_halved_again() -> None:
     assert refined(short, least=2)[0] is short
 
 
+@pytest.mark.slow
 def test_a_candidate_that_gained_by_making_up_for_steps_loses_it() -> None:
     rough, own = coarse_fan(), fan.built()
     log = rough.problem.logs[0]

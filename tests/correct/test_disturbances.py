@@ -110,6 +110,7 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
     assert all(test.p_value > 0.01 for test in found.whiteness)
 
 
+@pytest.mark.slow
 def test_free_simulation_that_gets_worse_beside_a_confirmation_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     """A report said "confirm" above a table in which free simulation grew by 28 %."""
     found = closed(GUST)

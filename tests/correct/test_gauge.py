@@ -97,6 +97,7 @@ def test_a_scale_that_the_declared_value_does_not_fit_is_estimated() -> None:
     assert found.fit.values["J"] == pytest.approx(0.03, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_law_beside_a_common_scale_has_an_interval_without_zero() -> None:
     """The amplitude of a ripple worth 150 nats was told as 0.0045 N m within -0.23 and 0.24."""
     closed = bg.close_loop(shaft(), [log(1), log(2)], [log(3)])

@@ -113,6 +113,7 @@ def test_a_promise_is_what_a_fit_keeps() -> None:
     assert free.values["m_sled"] == pytest.approx(40.8, abs=4.0 * free.std["m_sled"])
 
 
+@pytest.mark.slow
 def test_what_was_not_refitted_is_left_as_it_is() -> None:
     bare = replace(closed_on(41.2).rounds[0].trials[0], fit=None)
     assert beside_given(bare, None) is bare  # type: ignore[arg-type]

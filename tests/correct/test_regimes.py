@@ -66,6 +66,7 @@ def _only(closed: ClosedLoop) -> tuple[str, dict[str, float], dict[str, tuple[fl
     return closed.added[0].trial.candidate.label, values, {name: tuple(one["ci95"]) for name, one in known.items()}
 
 
+@pytest.mark.slow
 def test_drag_above_a_speed_is_found_with_its_speed(rubbing: ClosedLoop) -> None:
     label, values, intervals = _only(rubbing)
     assert label == "viscous_loss at shaft where speed of shaft is above a level"
@@ -75,6 +76,7 @@ def test_drag_above_a_speed_is_found_with_its_speed(rubbing: ClosedLoop) -> None
     assert rubbing.confirmation is not None and rubbing.confirmation.standing == "confirmed"
 
 
+@pytest.mark.slow
 def test_a_regime_is_named_in_words_with_its_level(rubbing: ClosedLoop) -> None:
     assert "viscous_loss at shaft where speed of shaft is above 12.0 rad/s" in explanation(rubbing)
     (said,) = regime_sentences(rubbing)
@@ -88,6 +90,7 @@ def test_a_regime_is_named_in_words_with_its_level(rubbing: ClosedLoop) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_gated_law_is_a_law_of_the_graph(rubbing: ClosedLoop, tmp_path: object) -> None:
     """It stands in the corrected graph, its file, its Python lines, its equations and its module."""
     graph = rubbing.corrected_graph

@@ -109,5 +109,6 @@ def test_beside_a_larger_law_more_is_asked_for() -> None:
     assert least_beside([large], large.gain - 1.0) == NOTICED > FAINT
 
 
+@pytest.mark.slow
 def test_a_round_without_small_rests_says_nothing() -> None:
     assert small_rest([]) == small_rest([Trial(closed_on(FAINT_DRAG).rounds[0].trials[0].candidate, 9.0)]) == ""
