@@ -30,6 +30,8 @@ _WORTH = 1.0
 #: Standard deviation, as a share of the way from bound to bound, from which logs say next to nothing of a parameter:
 #: bounds alone, with all between them alike, tell it as well (one over the root of twelve).
 _UNKNOWN = 0.3
+#: Logarithm of the largest factor by which a start moves, what rounding leaves of one: bounds are nearer.
+_FURTHEST = -math.log(float(np.finfo(float).eps))
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,8 @@ def _beside(fitted: Fit, held: FreeParameter, declared: float) -> FloatArray:
     relative = fitted.expansion.information * np.outer(factor, factor)
     own = np.array([one is held for one in problem.free])
     moves = -np.linalg.lstsq(relative[np.ix_(~own, ~own)], relative[np.ix_(~own, own)][:, 0])[0]
-    moved = values[~own] * np.exp(moves * math.log(declared / float(values[own][0])))
+    shifts = np.clip(moves * math.log(declared / float(values[own][0])), -_FURTHEST, _FURTHEST)
+    moved = values[~own] * np.exp(shifts)
     free = [one for one in problem.free if one is not held]
     inside = [min(max(float(x), one.lower), one.upper) for x, one in zip(moved, free, strict=True)]
     return np.array([one.coordinate(x) for x, one in zip(inside, free, strict=True)])
