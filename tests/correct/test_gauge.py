@@ -1,4 +1,4 @@
-"""What no log shows stays as declared: a scale that all parameters of a machine share."""
+"""Scales that no log shows, which all parameters of a machine share: one of these stays as declared."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ _FACTORS = (1.15, 1.07, 1.03)
 #: along which it rises by less than the second share, which is rounding, the one of simple numbers is said.
 _HOLDS, _EXACT = 3e-4, 1e-7
 
-#: Whether a group of parameters is looked at, by its names and its condition index.
+#: Choice of the groups of parameters that are looked at, by their names and their condition index.
 Wanted = Callable[[Sequence[str], float], bool]
 
 
