@@ -96,8 +96,8 @@ def _held(fitted: Fit, refit: Callable[[EstimationProblem, FloatArray], Fit], st
     for group in told_together(fitted, little):
         open_ = set(group.names) if group.condition > _OPEN else little.intersection(group.names)
         for one in sorted((one for one in problem.free if one.name in open_), key=_width):
-            info = model.parameters[model.index("parameter", one.name)]
-            declared, value = float(model.theta()[model.index("parameter", one.name)]), fitted.values[one.name]
+            at = model.index("parameter", one.name)
+            info, declared, value = model.parameters[at], float(model.theta()[at]), fitted.values[one.name]
             if not declared * value > 0.0:
                 continue
             posed, start = _without(problem, one), _beside(fitted, one, declared)

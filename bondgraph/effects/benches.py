@@ -44,7 +44,7 @@ class Bench:
 def drive() -> Bench:
     """A motor that moves a carriage on a bellows through a gear, an elastic shaft, a belt that may slip and a screw.
 
-    A shorted voice coil moves with the bellows, and a magnet pulls at it; the current of that brakes the spindle.
+    A shorted voice coil moves with the bellows, and a magnet pulls at it. The same current brakes the spindle.
     """
     g = BondGraph("drive")
     torque = g.input("torque", "N m", "command of the motor")

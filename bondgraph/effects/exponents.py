@@ -25,7 +25,8 @@ from bondgraph.effects.places import BENT, effort_unit, elements_at, flow_unit, 
 
 _PIPES = "White (2011), Fluid Mechanics, chapter 6"
 _EDDY = "Wouterse (1991), IEE Proceedings B 138(4)"
-#: Square of the usual speed over a critical one: this is at least a third of that, and infinite where it is zero.
+#: Square of the usual speed over the critical one: from none, which is zero, to a critical speed of a third of the
+#: usual one, a convention.
 _CRITICAL = (0.0, 10.0)
 
 

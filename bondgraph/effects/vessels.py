@@ -26,7 +26,7 @@ COMPRESSED = 0.9
 #: Volume of air in oil at most, as a multiple of what the oil gives way up to the largest pressure: a convention.
 _MOST_AIR = 10.0
 #: Rise of the pressure with the volume beyond a step of a tank, as a share of that below it, less one: from a tank ten
-#: times as wide to one ten times as narrow.
+#: times as wide to one ten times as narrow, a convention.
 _STEP = (-0.9, 9.0)
 #: Absolute pressure of the surroundings, from which gauges count [Pa].
 _ATMOSPHERE = 1.01325e5

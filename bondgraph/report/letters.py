@@ -25,7 +25,7 @@ _STIFFENING = (
     "progressive_spring", "hardening_spring", "stiffening_volume", "tapered_tank", "voltage_dependent_capacitance",
     "charge_dependent_capacitance",
 )  # fmt: skip
-#: Share of its range within which an estimate rests on an end: what a search leaves of a way to a wall.
+#: Share of its range within which an estimate rests on an end: of three digits that are told it changes none.
 _AT_END = 1e-4
 
 

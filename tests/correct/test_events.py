@@ -9,6 +9,7 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
+from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
@@ -89,6 +90,9 @@ def test_a_law_is_found_beside_an_event_and_alone_in_the_declaration() -> None:
     assert [one.trial.candidate.effect.name for one in found.events] == ["constant_effort"]
     assert [one.trial.candidate.effect.name for one in found.added] == ["quadratic_loss"]
     assert found.verdict == "effect found"
+    # "innovations stay coloured" was said of the model without the event, which colours them
+    assert all(one.p_value > 0.01 for one in found.whiteness)
+    assert any(one.p_value < 1e-3 for one in whiteness(found.corrected, logs))
     (name,) = found.added[0].coefficients
     assert found.corrected.values[name] == pytest.approx(DRAG, rel=0.1)  # 1.55 where nothing is known of the event
     assert not any("load" in one.name for one in found.corrected_graph.parameters)

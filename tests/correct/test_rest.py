@@ -46,7 +46,8 @@ def test_what_a_later_round_found_is_not_beyond_detection() -> None:
         SimpleNamespace(effect=name, junction="product", size=np.inf, taken=name == "leak")
         for name in ("convection", "radiation", "leak", "overflow")
     ]
-    effect, place = SimpleNamespace(described="convection", name="convection"), SimpleNamespace(label="product")
+    effect = SimpleNamespace(described="convection where air moves", name="convection")
+    place = SimpleNamespace(label="product")
     chosen = SimpleNamespace(candidate=SimpleNamespace(effect=effect, place=place))
     twin = SimpleNamespace(name="overflow", junction="product", indistinguishable=True)  # the law stands for it
     rounds = [

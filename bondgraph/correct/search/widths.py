@@ -39,7 +39,10 @@ _ROUNDS = 3
 
 
 def is_due(best: Trial, trials: Sequence[Trial], context: Context) -> bool:
-    """Whether widths are to be freed before a trial is chosen; of a stiff model where a simpler law may do as well."""
+    """Whether widths are to be freed before a trial is chosen; of a stiff model where a simpler law may do as well.
+
+    Before a formula is chosen, those of the known law at its place that comes nearest are.
+    """
     if best.gate is not None or best.fit is None:
         return False
     if not best.candidate.effect.widths:
@@ -90,7 +93,12 @@ def _simpler(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _equals(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
-    """Laws with widths at the place of the best, and in its regime, that were refitted and do as well."""
+    """Laws with widths at the place of the best that do as well."""
+    return [one for one in _beside(best, trials) if _worth(one) > _worth(best) - INDIFFERENT]
+
+
+def _beside(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """Laws with widths at the place of the best, and in its regime, that were refitted."""
     own = best.candidate
     return [
         one
@@ -99,7 +107,6 @@ def _equals(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
         and one.gate is None
         and one.fit is not None
         and one.candidate.effect.widths
-        and _worth(one) > _worth(best) - INDIFFERENT
     ]
 
 
@@ -107,18 +114,9 @@ def _known(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
     """The best law with a width at the place of a formula, if it explains most of what that does; none else."""
     if not best.candidate.effect.formula:
         return []
-    own = best.candidate
-    found = [
-        one
-        for one in trials
-        if (one.candidate.place.label, one.candidate.effect.regime) == (own.place.label, own.effect.regime)
-        and one.gate is None
-        and one.fit is not None
-        and one.candidate.effect.widths
-        and not one.candidate.effect.formula
-        and _worth(one) > MOSTLY * _worth(best)
-    ]
-    return [max(found, key=_worth)] if found else []
+    laws = [one for one in _beside(best, trials) if not one.candidate.effect.formula]
+    nearest = max(laws, key=_worth, default=None)
+    return [] if nearest is None or _worth(nearest) <= MOSTLY * _worth(best) else [nearest]
 
 
 def with_free_widths(trial: Trial, context: Context) -> Trial:

@@ -24,13 +24,15 @@ from bondgraph.estimate.symmetric import scaled_eigen
 
 #: Condition index and share of variance from which a dependency counts (Belsley, Kuh and Welsch 1980, page 112).
 CONDITION_INDEX, VARIANCE_SHARE = 30.0, 0.5
-#: Two parameters share open directions where the cosine between their parts in these is above this.
+#: Cosine between the parts of two parameters in open directions from which they share one, a convention: groups that
+#: share none are at right angles but for rounding.
 _LINKED, _TINY = 0.05, float(np.finfo(float).tiny)
 #: Exponents are multiples of 1 over these, up to 4: what laws of mechanics have.
 _DENOMINATOR, _LARGEST = 4, 4.0
 #: An exponent this far off a small fraction, relative to the largest of its row, is not that fraction.
 _NEAR = 0.06
-#: Along a curve the parameter that moves most, moves by the first of these factors with an end inside all bounds.
+#: Factors by which the parameter moves that moves most along a curve: the first with an end inside all bounds counts.
+#: They are conventions, as large as intervals of estimates are.
 _FACTORS = (1.15, 1.07, 1.03)
 #: A law holds if along it the likelihood rises by less than this share of what it rises when one moves alone; of two
 #: along which it rises by less than the second share, which is rounding, the one of simple numbers is said.
