@@ -11,16 +11,22 @@ from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.evidence.replaced import parameters_beside
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.gauge import told_together, unknown
+from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.progress import Progress
 from bondgraph.correct.round import Round
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
 from bondgraph.simulate.late import late_rows
 from bondgraph.simulate.model import Model
 from bondgraph.text import few, inflected, number
 
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
+#: Standard deviations beyond which a value lies outside a 95 % interval.
+_OUTSIDE = 1.96
 
 
 def cautions_of(nominal: Fit, rounds: Sequence[Round], corrected: Fit | None = None) -> tuple[str, ...]:
@@ -110,6 +116,40 @@ def after_delays(laws: Sequence[Trial], fitted: Fit) -> list[str]:
                 "loop again to see"
             )
     return said
+
+
+def of_added(state: Progress, settled: Progress, journal: Journal | None) -> list[str]:
+    """Sentences on the corrected model: on delays, on where it begins, and on events that its laws hang on.
+
+    ``settled`` is the state in which the search ended, which holds events too.
+    """
+    said = [*after_delays(state.added, state.fit), *begun_with(state.built.model, state.train)]
+    if state.laws:
+        said += estimated_starts(state.fit)
+    if state.laws and len(state.added) < len(settled.added):
+        said += _hanging_on_events(state.fit, settled.fit, state.laws, journal)
+    return said
+
+
+def _hanging_on_events(alone: Fit, knowing: Fit, laws: Sequence[Trial], journal: Journal | None) -> list[str]:
+    """A sentence on coefficients of laws that a fit without the events has outside their intervals.
+
+    ``alone`` is the model without events, at the values that were estimated beside them in ``knowing``. Where an event
+    stands for a part of a law, the law beside it is wrong by that part.
+    """
+    refitted = attempted(lambda: fit(alone.problem, journal=journal), lambda why: None)
+    if refitted is None:
+        return []
+    moved = np.abs(refitted.point - alone.point)
+    coefficients = [name for law in laws for name in law.candidate.effect.parameters if name in alone.problem.names]
+    away = [name for name in coefficients if moved[alone.problem.names.index(name)] > _OUTSIDE * knowing.std[name]]
+    if not away:
+        return []
+    told = few([f"{name} = {value_text(refitted, name)} instead of {value_text(alone, name)}" for name in away])
+    return [
+        f"a fit that knows of no event has {told}, and explains {refitted.nll - knowing.nll:.1f} nats less: where "
+        "nothing happened to the machine, the event stands for a part of a law"
+    ]
 
 
 def estimated_starts(fitted: Fit) -> list[str]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.cautions import after_delays, at_bounds, begun_with, cautions_of, estimated_starts, left_bounds
+from bondgraph.correct.cautions import at_bounds, cautions_of, left_bounds, of_added
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
 from bondgraph.correct.corrected import corrected
@@ -337,8 +337,7 @@ def _result(
         *begun.cautions, *cautions_of(nominal, rounds, current), *_doubts(begun, state, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()),
         *unsearched(rounds, settings.refits, is_white(beside.fit, settings.level)),
-        *start_cautions(undeclared), *after_delays(state.added, current),
-        *begun_with(state.built.model, state.train), *(estimated_starts(current) if state.laws else ()),
+        *start_cautions(undeclared), *of_added(state, rest.state, settings.journal),
         *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
         *(simulated_better(nominal, before, after, settings.journal) if state.laws or state.constants else ()),
     )  # fmt: skip

@@ -96,6 +96,8 @@ def test_a_law_is_found_beside_an_event_and_alone_in_the_declaration() -> None:
     (name,) = found.added[0].coefficients
     assert found.corrected.values[name] == pytest.approx(DRAG, rel=0.1)  # 1.55 where nothing is known of the event
     assert not any("load" in one.name for one in found.corrected_graph.parameters)
+    (said,) = [one for one in found.cautions if one.startswith("a fit that knows of no event has")]
+    assert f"{name} = 1.5" in said and "nats less" in said
 
 
 def test_a_law_of_every_log_is_no_event() -> None:
