@@ -29,7 +29,6 @@ from bondgraph.declare.quantities import Input
 from bondgraph.declare.revision import replace_input, revise_law
 from bondgraph.effects.places import (
     BENT,
-    ceiling,
     closer_delay,
     commanded,
     commands,
@@ -41,8 +40,8 @@ from bondgraph.effects.places import (
     is_motion,
     lateness,
     over,
-    sharpness,
 )
+from bondgraph.effects.ranges import ceiling, sharpness
 from bondgraph.effects.storages import spring_at
 
 _ENGINE = (

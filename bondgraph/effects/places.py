@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, THERMAL
-from bondgraph.declare.effect import SMOOTHING, Place
+from bondgraph.declare.effect import Place
 from bondgraph.declare.elements import TWO_PORTS, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
@@ -24,10 +24,6 @@ DELAY_LAW = "by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)"
 PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
 #: Exponents beyond one of a bent map or line, from a root of the third degree to a fourth power. A convention.
 BENT = (-0.67, 3.0)
-#: Bounds of the number that says how sharply a ceiling ends: a hyperbolic tangent is about 2.7, twenty a corner.
-SHARPNESS = (2.0, 20.0)
-#: Square of a share of a ceiling below which the slope of its sharpness does not matter: a logarithm needs a number.
-_AT_REST = SMOOTHING**8
 
 
 @dataclass(frozen=True)
@@ -222,25 +218,6 @@ def root_flow(g: BondGraph, at: Place, name: str) -> RootFlow:
         return c * x * (x**2 + _LAMINAR**2) ** ((n - 1) / 2)
 
     return RootFlow(law, c.name, n.name)
-
-
-def ceiling(value: Expr, c: Expr, n: Expr) -> Expr:
-    """A value that nears 1/c and never exceeds it, the more sharply the larger n is; itself where c is zero.
-
-    Examples
-    --------
-    >>> from sympy import Float, Integer, Rational
-    >>> round(float(ceiling(Float(1), Integer(0), Integer(2))), 9)
-    1.0
-    >>> round(float(ceiling(Float(100), Rational(1, 2), Integer(4))), 6)
-    2.0
-    """
-    return value / (1 + ((c * value) ** 2 + _AT_REST) ** (n / 2)) ** (1 / n)
-
-
-def sharpness(g: BondGraph, name: str) -> Expr:
-    """The number that says how sharply a ceiling ends, from a root of squares to a corner."""
-    return g.parameter(name, 3.0, "1", "how sharply it ends", SHARPNESS)
 
 
 def elements_at(g: BondGraph, at: Place, kind: str) -> list[Node]:

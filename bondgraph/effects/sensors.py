@@ -18,10 +18,12 @@ from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_output
-from bondgraph.effects.places import DELAY_LAW, PADE, ceiling, delayed, lateness, over, sharpness
+from bondgraph.effects.places import DELAY_LAW, PADE, delayed, lateness, over
+from bondgraph.effects.ranges import ceiling, floor, sharpness
 from bondgraph.errors import DeclarationError
 
 _INSTRUMENT = "Doebelin (2003), Measurement Systems, chapter 3, instruments of first order"
+_RADIATION = "DeWitt, Nutter (1988), Theory and Practice of Radiation Thermometry, radiation of surroundings"
 _ENCODER = "de Silva (2007), Sensors and Actuators: Control System Instrumentation, errors of optical encoders"
 #: Angles over which an eccentric disc shows, and its largest error [rad]: what is more would not be mounted.
 _HALF_TURN, _LARGEST_ERROR = math.pi, 0.3
@@ -107,6 +109,22 @@ def sensor_ceiling(g: BondGraph, at: Place) -> Effect | None:
 
 
 @sensor_fault
+def sensor_floor(g: BondGraph, at: Place) -> Effect | None:
+    """A range that does not begin at zero: a pyrometer that sees what is around, a meter of an amplitude in noise."""
+    unit, one = _shown_unit(g, at)
+    size = at.scale.effort / one
+    c = g.parameter(f"floor_{at.name}", 0.0, unit, f"what {at.output} shows of nothing", (0.0, size))
+    of = g.parameter(f"size_floor_{at.name}", size, unit, f"size of {at.output}")
+    n = sharpness(g, f"sharpness_floor_{at.name}")
+    revise_output(g, at.output, lambda shown: of * floor(shown / of, c / of, n))
+    return Effect(
+        "sensor_floor", at.output, "shown = x + (|x|^n + c^n)^(1/n) - |x|, x true", (c.name,), amplitudes=(0.3, 0.6),
+        shapes=(n.name,), grids=((n.name, (2.0, 6.0)),), reference=_RADIATION, channel=at.output, kind="floor",
+        manoeuvre="values near zero and large ones",
+    )  # fmt: skip
+
+
+@sensor_fault
 def sensor_dead_zone(g: BondGraph, at: Place) -> Effect | None:
     """A sensor that shows nothing of small values: a threshold against noise, a pick-up that needs speed."""
     name = f"dead_zone_{at.name}"
@@ -166,8 +184,8 @@ def sensor_square(g: BondGraph, at: Place) -> Effect | None:
 
 #: All faults, in the order in which they are preferred where data do not tell them apart.
 SENSOR_FAULTS: tuple[EffectFunction, ...] = (
-    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_lag, sensor_ceiling, sensor_dead_zone,
-    sensor_eccentricity,
+    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_lag, sensor_ceiling, sensor_floor,
+    sensor_dead_zone, sensor_eccentricity,
 )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from bondgraph.build import build
 from bondgraph.correct.models.pairs import neighbours
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
-from bondgraph.effects.places import ceiling
+from bondgraph.effects.ranges import ceiling, floor
 from bondgraph.effects.sensors import sensor_delay
 from bondgraph.simulate.model import Model
 
@@ -88,6 +88,15 @@ def test_a_ceiling_is_odd_below_its_end_and_itself_far_below(x: float, c: float,
     if c == 0.0:
         assert shown == pytest.approx(x, rel=1e-12)
     assert shown == pytest.approx(x / (1.0 + abs(c * x) ** n) ** (1.0 / n), rel=1e-9, abs=1e-9)
+
+
+@given(x=st.floats(-2.0, 2.0), c=st.floats(0.0, 2.0), n=st.floats(2.0, 20.0))
+def test_a_floor_is_below_neither_and_adds_as_radiations_do(x: float, c: float, n: float) -> None:
+    added = float(floor(Float(x), Float(c), Float(n))) - x
+    assert added == pytest.approx((abs(x) ** n + c**n) ** (1.0 / n) - abs(x), rel=1e-6, abs=1e-6)
+    assert added + abs(x) >= max(abs(x), c) - 1e-6
+    if c == 0.0:
+        assert abs(added) < 1e-15
 
 
 def test_a_hyperbolic_tangent_lies_between_the_ceilings() -> None:
