@@ -12,6 +12,7 @@ from bondgraph.correct.fits.whiteness import Whiteness
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.round import Round
 from bondgraph.correct.search.disturbances import Disturbance
+from bondgraph.filter.misfit import p_text
 
 Verdict: TypeAlias = Literal[
     "effect found", "effect not confirmed", "disturbance", "sensor fault suspected", "unexplained residual",
@@ -41,8 +42,8 @@ def verdict(
     doubted: Trial | None,
 ) -> tuple[Verdict, str]:
     """The verdict, and the reason why the search ended with the channels that stay coloured."""
-    coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
-    why = f"{reason}; the innovations of {', '.join(coloured)} stay coloured" if coloured else reason
+    coloured = [test for test in residual if test.p_value * len(residual) < level]
+    why = f"{reason}; {_coloured(coloured, len(residual))}" if coloured else reason
     named = [one for one in added if one.trial.candidate.effect.name != "table"]
     if named and logs is not None and logs.contradictions:
         return "effect not confirmed", why
@@ -55,3 +56,8 @@ def verdict(
     if coloured or left or added or random or doubted is not None:
         return "unexplained residual", why
     return "no missing effect", why
+
+
+def _coloured(coloured: Sequence[Whiteness], tested: int) -> str:
+    chance = p_text(min(one.p_value for one in coloured) * tested)
+    return f"the innovations of {', '.join(one.channel for one in coloured)} stay coloured ({chance})"

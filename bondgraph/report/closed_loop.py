@@ -33,7 +33,7 @@ from bondgraph.report.standing import driven_at_random, held_out, worse_simulate
 from bondgraph.report.tables import error_table, power_table, text_of
 from bondgraph.report.tried import tried
 from bondgraph.report.unknown import shape_sentence
-from bondgraph.report.words import law_title
+from bondgraph.report.words import law_at, law_title
 from bondgraph.text import few, inflected, number, sentence
 
 
@@ -233,7 +233,7 @@ def _or_twins(closed: ClosedLoop, added: Added) -> str:
     if not others:
         return own
     if len(others) == 1:
-        return f"{own} or {law_title(others[0].name)} at {others[0].junction}, which these data do not tell apart"
+        return f"{own} or {law_at(others[0].name, others[0].junction)}, which these data do not tell apart"
     return f"{own} or one of {len(others)} others that these data do not tell from it"
 
 
@@ -248,8 +248,8 @@ def _completing(added: Sequence[Added]) -> str:
 
 
 def _and_more(closed: ClosedLoop) -> str:
-    """That the effects that were found leave more than noise; the reason of the end names the channels."""
-    return ", and more than that" if _coloured(closed) else ""
+    """That the effects that were found may leave more than noise; the reason of the end names the channels."""
+    return ", and perhaps more" if _coloured(closed) else ""
 
 
 def _coloured(closed: ClosedLoop) -> list[str]:
@@ -285,7 +285,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
     for added in closed.added:
         others = twins(closed, added)
         if others:
-            names = few([f"{law_title(twin.name)} at {twin.junction}" for twin in others])
+            names = few([law_at(twin.name, twin.junction) for twin in others])
             first = next((twin.separate for twin in others if twin.separate), "")
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {law_title(added.trial.candidate.label)} from {names}.{advice}")

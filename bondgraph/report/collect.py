@@ -16,7 +16,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.report.letters import constants, softening
+from bondgraph.report.letters import constants, softening, with_levels
 from bondgraph.report.series import (
     ChannelSeries,
     Coefficient,
@@ -249,7 +249,7 @@ def found_effect(
         Coefficient(info.name, info.shown(values[info.name]), info.display_unit, _shown_interval(info, ci95))
         for info in infos
     )
-    law = ", ".join([effect.law, *constants(effect, place, model, values, ci95)])
+    law = ", ".join([with_levels(effect, model, values), *constants(effect, place, model, values, ci95)])
     turned = softening(effect.name, coefficients)
     law += f" ({turned})" if turned else ""
     return FoundEffect(effect.name, effect.element, place.label, law, coefficients, tuple(evidence))

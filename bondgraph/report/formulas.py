@@ -105,7 +105,8 @@ def round_of(closed: ClosedLoop, added: Added) -> Round | None:
 def twins(closed: ClosedLoop, added: Added) -> list[Alternative]:
     """Effects that the data do not tell from one that was added.
 
-    Where one took the place of a law with more coefficients, it shows wherever that did.
+    Where one took the place of a law with more coefficients, it shows wherever that did. The same law between two
+    levels, where it was found below one, is none of them: it is the law that was found.
     """
     turn, own, first = round_of(closed, added), added.trial.candidate, added.trial.simplifies.partition(" at ")[0]
     found = [] if turn is None else [one for one in turn.alternatives if one.indistinguishable]
@@ -114,4 +115,11 @@ def twins(closed: ClosedLoop, added: Added) -> list[Alternative]:
     known = {f"{one.name} at {one.junction}" for one in found}
     alike = [label.partition(" at ") for label in labels if label not in known]
     found += [Alternative(name, at, added.trial.gain, True, "it does as well in its place") for name, _, at in alike]
-    return [one for one in found if (one.name, one.junction) != (own.effect.described, own.place.label)]
+    itself = _without_side(own.effect.described, own.place.label)
+    return [one for one in found if _without_side(one.name, one.junction) != itself]
+
+
+def _without_side(name: str, junction: str) -> tuple[str, str, str]:
+    """A law, its place and the quantity that says where it acts, by whatever levels."""
+    law, _, regime = name.partition(" where ")
+    return law, regime.partition(" is ")[0], junction

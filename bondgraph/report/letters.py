@@ -55,6 +55,17 @@ def constants(
     return found
 
 
+def with_levels(effect: Effect, model: Model, values: Mapping[str, float]) -> str:
+    """The text of a law, with values for the shapes that it calls by their full names: levels between which it acts."""
+    infos = {name: model.parameters[model.index("parameter", name)] for name in effect.shapes}
+
+    def told(found: re.Match[str]) -> str:
+        info = infos.get(found.group())
+        return found.group() if info is None else f"{shown(_value(info, values))}{_unit(info.display_unit)}"
+
+    return re.sub(r"\w+", told, effect.law)
+
+
 def _letter(effect: Effect, name: str, letters: set[str]) -> str:
     """The letter of a parameter in a law, by the first word of its name."""
     if name in letters:
@@ -64,12 +75,17 @@ def _letter(effect: Effect, name: str, letters: set[str]) -> str:
 
 
 def _valued(info: ParameterInfo, values: Mapping[str, float], ci95: Mapping[str, tuple[float, float]]) -> str:
-    value = info.shown(values.get(info.name, info.value))
+    value = _value(info, values)
     if info.name not in ci95:
         return f"{shown(value)}{_unit(info.display_unit)}"
     low, high = ci95[info.name]
     told = with_ends(value, (info.shown(low), info.shown(high)), info.display_unit)
     return f"{told}, at its {_end(info, values)} limit" if _end(info, values) else told
+
+
+def _value(info: ParameterInfo, values: Mapping[str, float]) -> float:
+    """The value of a parameter as it is declared or estimated, in its declared unit."""
+    return float(info.shown(values.get(info.name, info.value)))
 
 
 def _end(info: ParameterInfo, values: Mapping[str, float]) -> str:

@@ -32,7 +32,7 @@ def _sentence(added: Added, fitted: Fit) -> str:
     within = regime.told(*(with_ends(fitted.values[name], intervals(fitted)[name], regime.unit) for name in names))
     each = "that" if len(names) == 1 else "each"
     about = f"it comes and goes within {_valued(regime, width_of(effect, fitted))} on both sides of {each}"
-    ends = f"the logs cover {shown(regime.span[0])} to {shown(regime.span[1])}"
+    ends = f"the logs cover {shown(regime.span[0])} to {_valued(regime, regime.span[1])}"
     return f"Regime: {effect.name} at {added.trial.candidate.place.label} acts where {within}; {about}; {ends}."
 
 

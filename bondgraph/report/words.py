@@ -77,6 +77,18 @@ class Words:
         return found
 
 
+def law_at(name: str, place: str) -> str:
+    """A law at its place, and where it acts if that is not everywhere.
+
+    Examples
+    --------
+    >>> law_at("leakage where pressure of tank is above a level", "tank"), law_at("leakage", "tank")
+    ('leakage at tank where pressure of tank is above a level', 'leakage at tank')
+    """
+    law, where, regime = name.partition(" where ")
+    return f"{law_title(law)} at {place}{where}{regime}"
+
+
 def law_title(label: str) -> str:
     """The name of a law, or its label ``NAME at PLACE``, as prose shows it: of a formula its terms in words.
 

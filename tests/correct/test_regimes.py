@@ -37,6 +37,7 @@ from bondgraph.estimate.objective import expansion_of
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.closed_loop import explanation
+from bondgraph.report.letters import with_levels
 from bondgraph.report.python_lines import correction_lines
 from bondgraph.report.regimes import regime_sentences
 from bondgraph.simulate.simulation import simulate
@@ -84,6 +85,9 @@ def test_a_regime_is_named_in_words_with_its_level(rubbing: ClosedLoop) -> None:
         "Regime: viscous_loss at shaft acts where speed of shaft is above 12.01 rad/s [11.99, 12.02]; "
     )
     assert "; it comes and goes within 0." in said and " rad/s on both sides of that; the logs cover " in said
+    assert said.endswith(" rad/s.")
+    found, model = rubbing.added[0].trial.candidate.effect, rubbing.corrected.problem.filter_model.model
+    assert with_levels(found, model, rubbing.corrected.values).endswith(", where speed of shaft is above 12.0 rad/s")
     (told,) = result_json(rubbing)["effects"]
     assert told["regime"] == {
         "signal": "flow of shaft", "quantity": "speed of shaft", "is": "above", "level": "level_c_viscous_loss_shaft",

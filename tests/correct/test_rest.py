@@ -17,6 +17,7 @@ from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.estimate.fitted import Fit
 from bondgraph.report.closed_loop import _or_twins
 from bondgraph.report.formulas import twins
+from bondgraph.report.words import law_at
 from tests.correct.sled import built, fitted, pull, sled
 
 
@@ -80,6 +81,24 @@ def test_the_verdict_names_what_the_data_do_not_tell_apart(
     leak = SimpleNamespace(effect=SimpleNamespace(described="leak"), place=SimpleNamespace(label="tank"))
     added = SimpleNamespace(trial=SimpleNamespace(candidate=leak, simplifies="", rivals=(), stands_for=()))
     assert _or_twins(closed, added) == said  # type: ignore[arg-type]
+
+
+def test_the_same_law_by_other_levels_is_no_twin_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A contact of a heat pipe "below 327 K or contact_resistance where it is between two levels at pipe"."""
+    where = "contact_resistance where temperature of evaporator is"
+    others = [Alternative(f"{where} between two levels", "pipe", 80.0, True, "")]
+    others.append(Alternative("leakage where temperature of pipe is above a level", "pipe", 79.0, True, ""))
+    monkeypatch.setattr(
+        "bondgraph.report.formulas.round_of", lambda closed, added: SimpleNamespace(alternatives=others)
+    )
+    own = SimpleNamespace(
+        effect=SimpleNamespace(described=f"{where} below a level"), place=SimpleNamespace(label="pipe")
+    )
+    trial = SimpleNamespace(candidate=own, simplifies="", rivals=(), stands_for=(), gain=80.0)
+    found = twins(SimpleNamespace(), SimpleNamespace(trial=trial))  # type: ignore[arg-type]
+    assert [law_at(one.name, one.junction) for one in found] == [
+        "leakage at pipe where temperature of pipe is above a level"
+    ]
 
 
 def test_what_took_the_place_of_a_law_is_told_apart_from_no_more_than_that(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,4 +43,4 @@ def test_nothing_is_called_complete_beside_it(white: bool) -> None:
         "no missing effect" if white else "unexplained residual",
         "unexplained residual",
     ]
-    assert all(("flow" in why) != white for _, why in told)
+    assert all(("flow stay coloured (p = 1e-09)" in why) != white for _, why in told)
