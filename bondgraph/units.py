@@ -181,15 +181,15 @@ def dimension_text(exponents: Dimension) -> str:
 
     Examples
     --------
-    >>> dimension_text(dimension("N"))
-    'kg m s^-2'
+    >>> dimension_text(dimension("N")), dimension_text(dimension("rad"))
+    ('kg m s^-2', 'a pure number')
     """
     parts = [
         symbol if power == 1 else f"{symbol}^{power}"
         for symbol, power in zip(_SYMBOLS, exponents, strict=True)
         if power != 0
     ]
-    return " ".join(parts) or "1"
+    return " ".join(parts) or "a pure number"
 
 
 #: What to write where an angular speed is meant.
