@@ -56,3 +56,16 @@ class Clock:
 def strictly(report: Report) -> Report:
     """The report that stops the work when its time is over, of one that has a time; every other as it is."""
     return report.strict if isinstance(report, Clock) else report
+
+
+def in_round(report: Report, number: int) -> Report:
+    """The report with the number of the round before each stage.
+
+    Examples
+    --------
+    >>> told = []
+    >>> in_round(lambda *stage: told.append(stage), 2)("score the candidates", 0, 1)
+    >>> told
+    [('round 2: score the candidates', 0, 1)]
+    """
+    return lambda stage, done, total: report(f"round {number}: {stage}", done, total)

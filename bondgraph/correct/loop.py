@@ -31,7 +31,7 @@ from bondgraph.correct.evidence.replaced import beyond_declared
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
-from bondgraph.correct.granted import Clock, strictly
+from bondgraph.correct.granted import Clock, in_round, strictly
 from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
@@ -264,7 +264,7 @@ def _rounds(
     """
     rounds, granted = list(earlier), replace(own, report=strictly(own.report))
     while (room := most - state.named) > 0 and len(rounds) - len(earlier) < 2 * most + 1:
-        own = granted.beside(state.named)
+        own = replace(granted.beside(state.named), report=in_round(granted.report, len(rounds) + 1))
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present, state.added)
             rounds.append(turn)
