@@ -118,6 +118,7 @@ from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence
 from bondgraph.effects.fading import thermal_activation as thermal_activation
 from bondgraph.effects.fading import source_temperature_dependence as source_temperature_dependence
+from bondgraph.effects.fading import source_temperature_rise as source_temperature_rise
 from bondgraph.effects.fading import clogging as clogging
 from bondgraph.effects.exponents import resistance_exponent as resistance_exponent
 from bondgraph.effects.exponents import critical_speed as critical_speed

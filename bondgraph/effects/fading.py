@@ -26,9 +26,9 @@ from bondgraph.effects.thermal import ROOM, Around, surroundings
 
 #: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
 _STEEPEST = 0.05
-#: Relative change per kelvin of a source's reciprocal: up to five times that of copper, and down so far that it stays
-#: positive over 800 K. A convention.
-_FALLS = (-1.2e-3, 0.02)
+#: Relative change per kelvin of a source or of its reciprocal: up to five times that of copper, and down so far that it
+#: stays positive over 800 K. A convention.
+_CHANGES = (-1.2e-3, 0.02)
 #: Largest activation energy over the gas constant that is tried [K], of 100 kJ/mol: a convention.
 _MOST_ACTIVE = 12000.0
 #: Clogged resistances are scaled by so many times the clean one at the end of the longest log: a convention.
@@ -96,19 +96,32 @@ def source_temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
 
     What is declared holds in a room where temperatures are known to be absolute, else at what is around the body.
     """
+    return _with_its_body(g, at, "source_temperature_dependence", "declared/(1 + a*(T - T0))", "fall", -1)
+
+
+def source_temperature_rise(g: BondGraph, at: Place) -> Effect | None:
+    """A commanded source that grows as the nearest body warms: the heat of a current in copper.
+
+    What is declared holds in a room where temperatures are known to be absolute, else at what is around the body.
+    """
+    return _with_its_body(g, at, "source_temperature_rise", "declared*(1 + a*(T - T0))", "rise", 1)
+
+
+def _with_its_body(g: BondGraph, at: Place, effect: str, law: str, way: str, power: int) -> Effect | None:
+    """A source times a power of what is straight in the temperature of the nearest body."""
     sources = [node for node, _ in commanded(g, at, ("Se", "Sf")) if "." not in node.name]
     body = _nearest_body(g, at) if len(sources) == 1 else None
     if body is None:
         return None
     node, around = sources[0], surroundings(g, Place(body, Scale(0.0, 0.0)))
     given = "effort" if node.kind == "Se" else "flow"
-    name = f"source_temperature_dependence_{at.name}"
-    a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative fall of {node.name} per kelvin", _FALLS)
+    name = f"{effect}_{at.name}"
+    a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative {way} of {node.name} per kelvin", _CHANGES)
     room = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared") if _is_absolute(around) else Integer(0)
     zero = around.temperature if around is not None and not _is_absolute(around) else room
-    revise_laws(g, node.name, lambda laws: {given: laws[given] / (1 + a * (body.effort - zero))})
+    revise_laws(g, node.name, lambda laws: {given: laws[given] * (1 + a * (body.effort - zero)) ** power})
     return Effect(
-        "source_temperature_dependence", node.name, f"{given} = declared/(1 + a*(T - T0))", (a.name,),
+        effect, node.name, f"{given} = {law}", (a.name,),
         reference="Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A",
         manoeuvre="the same command cold and hot",
     )  # fmt: skip

@@ -154,7 +154,7 @@ def test_coefficients_have_the_units_of_their_domain(domain: object, units: tupl
 
 def test_the_package_lists_the_effects_of_its_modules() -> None:
     names = [function.__name__ for function in effect_functions(effects)]
-    assert len(names) == len(set(names)) == 92
+    assert len(names) == len(set(names)) == 93
     assert set(names) <= set(every_effect())
 
 
