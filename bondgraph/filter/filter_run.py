@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bondgraph.arrays import FloatArray
+from bondgraph.arrays import BoolArray, FloatArray
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
@@ -168,11 +168,36 @@ def solved(cov: FloatArray, cross: FloatArray) -> FloatArray:
     known = ~(variance > 0.0)
     scale = np.where(known, 0.0, 1.0 / np.sqrt(np.where(known, 1.0, variance)))
     correlation = np.where(usable[:, np.newaxis, np.newaxis], cov * scale[:, :, np.newaxis] * scale[:, np.newaxis], 0.0)
-    values, vectors = np.linalg.eigh(correlation)
-    good = values > ROUNDING * values[:, -1:]
-    inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
     scaled = scale[:, :, np.newaxis] * np.where(usable[:, np.newaxis, np.newaxis], cross, 0.0)
-    found: FloatArray = vectors @ (inverse[:, :, np.newaxis] * (np.swapaxes(vectors, 1, 2) @ scaled))
-    found = scale[:, :, np.newaxis] * found
+    found = _by_inverses(correlation, known | ~usable[:, np.newaxis], scaled)
+    found *= scale[:, :, np.newaxis]
     found[~usable] = np.nan
+    return found
+
+
+def _by_inverses(correlation: FloatArray, known: BoolArray, scaled: FloatArray) -> FloatArray:
+    """``correlation^-1 scaled`` for stacks (m, n, n); ``known`` (m, n) are rows and columns of zeros.
+
+    Where an inverse shows that no direction is known up to rounding it serves, at a fifth of the time that eigenvalues
+    take; these tell of all others which directions are left out.
+    """
+    size = correlation.shape[1]
+    filled = correlation.copy()
+    np.einsum("kii->ki", filled)[known] = 1.0
+    sure = np.zeros(filled.shape[0], dtype=bool)
+    found = np.empty(scaled.shape)
+    try:
+        inverse = np.linalg.inv(filled)
+        with np.errstate(over="ignore", invalid="ignore"):
+            largest = np.sqrt(np.einsum("kij,kij->k", inverse, inverse))
+        sure = largest * ROUNDING * size < 1.0  # no eigenvalue of a correlation is above its size
+        np.matmul(inverse, scaled, out=found)
+    except np.linalg.LinAlgError:  # one of them is singular: eigenvalues tell which
+        pass
+    left = np.flatnonzero(~sure)
+    if left.size:
+        values, vectors = np.linalg.eigh(correlation[left])
+        good = values > ROUNDING * values[:, -1:]
+        kept = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
+        found[left] = vectors @ (kept[:, :, np.newaxis] * (np.swapaxes(vectors, 1, 2) @ scaled[left]))
     return found
