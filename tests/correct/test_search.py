@@ -23,8 +23,10 @@ from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.round import Round, one_round, unsearched
 from bondgraph.correct.scores.gates import Gate, _peers, best_gated, gate_samples, gated
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
+from bondgraph.correct.search import search as search_module
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_scores, scaled
-from bondgraph.correct.search.search import Entry, Search, left_out, searched
+from bondgraph.correct.search.refit import Prepared
+from bondgraph.correct.search.search import Entry, Search, _raced, left_out, searched
 from bondgraph.correct.search.swap import _inside
 from bondgraph.correct.selection import Selection
 from bondgraph.correct.shapes.offered import Residual
@@ -92,6 +94,30 @@ def test_what_is_left_when_the_refits_are_spent_is_named() -> None:
     done = searched(search, 1, no_report)
     assert search.spent == 1 and sum(one.fit is not None for one in done) == 1
     assert set(left_out(search)) <= {"cubic_loss at drum"}
+
+
+@pytest.mark.parametrize(("ends", "due"), [((100.0, 90.0), [1]), ((90.0, 91.0), [0, 1]), ((90.0, None), [0, 1])])
+def test_what_is_behind_on_the_beginnings_waits_for_what_leads_there(
+    ends: tuple[float, float | None], due: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wrong law of a vehicle was searched to the end of its ridge beside the right one, 150 s beside 17 s."""
+    opening = fresh()
+    search = replace(opening, entries=[replace(one) for one in opening.entries])
+    nll = dict(zip((one.trial.candidate.label for one in search.entries), ends, strict=True))
+
+    def told(ready: Prepared, trial: Trial, starts: object, context: Context) -> Prepared:
+        end = nll[trial.candidate.label]
+        return ready if end is None else replace(ready, begun=replace(context.base, nll=end))
+
+    monkeypatch.setattr(search_module, "begun", told)
+    assert search.context.required == 3.0
+    assert _raced(search, [0, 1]) == due
+    assert all(isinstance(one.ready, Prepared) for one in search.entries)
+    better = search.entries[0]
+    better.predict(replace(better.pending[0], gain=0.5 * better.predicted))
+    assert better.ready is not None
+    better.predict(replace(better.pending[0], gain=2.0 * better.predicted))
+    assert better.ready is None  # where that begins nobody has looked
 
 
 def test_bounds_follow_what_fits_achieve() -> None:

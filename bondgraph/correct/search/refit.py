@@ -9,8 +9,7 @@ short of what was predicted.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TypeAlias
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,8 +45,13 @@ _HALF = 0.5
 _MULTIPLES = (4.0, 16.0)
 
 
-#: A model with a candidate in it, and the problem that is fitted.
-Prepared: TypeAlias = tuple[BuiltModel, EstimationProblem]
+@dataclass(frozen=True)
+class Prepared:
+    """A model with a candidate in it, the problem of its refit, and its rough fit on the beginnings of long logs."""
+
+    built: BuiltModel
+    problem: EstimationProblem
+    begun: Fit | None = None
 
 
 def refit(
@@ -72,7 +76,7 @@ def refit(
     lead
         The best fit so far: what is clearly behind it on the beginnings of the logs is given up.
     ready
-        What :func:`prepared` gave for it, if somebody has it.
+        What :func:`prepared` or :func:`begun` gave for it, if somebody has it.
     tried
         How many candidates it was picked from, if not what the round tried.
     promised
@@ -83,20 +87,19 @@ def refit(
     BondGraphError
         If its model is refused or diverges at every start.
     """
-    built, problem = ready or prepared(trial, context)
-    points = _spread(starts or [problem.start], problem, trial, context)
+    ready = begun(ready or prepared(trial, context), trial, starts, context)
+    built, problem = ready.built, ready.problem
     quiet = _quiet_beginning(problem, context)
-    first = quiet if problem.filter_model.is_stiff else None  # their fits are costly, and one must do
-    part = excerpt(problem)
-    if part is not None:
-        begun = fit(part, ROUGH_ITERATIONS, ROUGH, points, journal=context.journal, first=first)
-        if lead is not None and begun.nll > on_beginnings(lead.problem, lead.point) + context.required + left_open(
-            problem
-        ):
+    if ready.begun is None:
+        points = _spread(starts or [problem.start], problem, trial, context)
+        first = quiet if problem.filter_model.is_stiff else None  # their fits are costly, and one must do
+    else:
+        clearly = context.required + left_open(problem)
+        if lead is not None and ready.begun.nll > on_beginnings(lead.problem, lead.point) + clearly:
             gain = context.base.nll - lead.nll
             remark = f"given up on the beginnings of the logs, clearly behind what gains {gain:.1f} nats"
             return replace(trial, built=built, remark=remark)
-        points, first = [begun.point, *starts[:1]], None
+        points, first = [ready.begun.point, *starts[:1]], None
     beat = context.base.nll - context.required  # what cannot pass the tests need not be finished
     beat = beat if lead is None else min(beat, lead.nll)
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
@@ -165,10 +168,23 @@ def prepared(trial: Trial, context: Context) -> Prepared:
     """The model with a candidate in it, and the problem of its refit."""
     built = build(trial.candidate.apply(context.built.graph))
     if trial.candidate.effect.adds_state:
-        return built, storage_problem(trial, built, context)
+        return Prepared(built, storage_problem(trial, built, context))
     filter_model = replace(context.base.problem.filter_model, model=built.model)
     free = (*at_optimum(context.base), *coefficients(trial.candidate, filter_model))
-    return built, EstimationProblem(filter_model, context.train, free, context.base.problem.initial)
+    return Prepared(built, EstimationProblem(filter_model, context.train, free, context.base.problem.initial))
+
+
+def begun(ready: Prepared, trial: Trial, starts: Sequence[FloatArray], context: Context) -> Prepared:
+    """The same with a rough fit on the beginnings of long logs, from the best start and from little process noise.
+
+    Without one where logs are short, and as it is where it has one.
+    """
+    part = None if ready.begun is not None else excerpt(ready.problem)
+    if part is None:
+        return ready
+    points = _spread(starts or [ready.problem.start], ready.problem, trial, context)
+    first = _quiet_beginning(ready.problem, context) if ready.problem.filter_model.is_stiff else None
+    return replace(ready, begun=fit(part, ROUGH_ITERATIONS, ROUGH, points, journal=context.journal, first=first))
 
 
 def refit_from(trial: Trial, values: Sequence[float], context: Context, tried: int | None = None) -> Trial:
