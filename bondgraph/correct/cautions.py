@@ -200,5 +200,5 @@ def _undetectable(rounds: Sequence[Round]) -> list[str]:
     taken, small = ([f"{one.effect} at {one.junction}" for one in blind if one.taken is way] for way in (True, False))
     said = [f"cannot be told from what is free, whatever its size: {few(taken)}"] if taken else []
     if small:
-        said.append(f"cannot be detected with these logs unless larger than all else at its place: {few(small)}")
+        said.append(f"these logs would not show, even where as large as all else at its place: {few(small)}")
     return said

@@ -49,13 +49,13 @@ def simulated_better(
         if errors[0] < _CLEARLY * errors[1]:
             unit = f" {info.display_unit}" if info.display_unit not in ("", "1") else ""
             there, here, last = (number(float(info.shown(value))) for value in errors)
-            said.append(f"{info.name} to {there}{unit}, where the table has {here} before and {last} after")
+            said.append(f"{info.name} to {there}{unit} instead of {here} (corrected: {last})")
             beaten = beaten or errors[0] < errors[2]
     if not said:
         return []
-    than = "and than the corrected model does" if beaten else "though not than the corrected model does"
+    also = ", better than the corrected model does" if beaten else ""
     kind = ("training", "held-out")[which]
     return [
-        f"fitted without process noise the declared model simulates the {kind} logs better than the column before "
-        f"says, {than}: {few(said)}"
+        "part of the column before is process noise: fitted without it the declared model simulates the "
+        f"{kind} logs to less{also}: {few(said)}"
     ]

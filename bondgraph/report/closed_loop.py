@@ -33,7 +33,7 @@ from bondgraph.report.standing import driven_at_random, held_out, worse_simulate
 from bondgraph.report.tables import error_table, power_table, text_of
 from bondgraph.report.tried import tried
 from bondgraph.report.unknown import shape_sentence
-from bondgraph.report.words import law_at, law_title
+from bondgraph.report.words import law_at, law_title, told_apart_by
 from bondgraph.text import few, inflected, number, sentence
 
 
@@ -280,14 +280,15 @@ def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
     if closed.confirmation is not None and closed.corrected_holdout.logs:
         notes.append(held_out(closed, closed.confirmation))
-    notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
+    beside = ", and has what was estimated beside it" if closed.added else ""
+    notes += [_event(one, closed.eventful or closed.corrected, beside) for one in closed.events]
     notes += [*_moved_by_events(closed), *_nearest(closed)]
     for added in closed.added:
         others = twins(closed, added)
         if others:
             names = few([law_at(twin.name, twin.junction) for twin in others])
             first = next((twin.separate for twin in others if twin.separate), "")
-            advice = f" What would: {first}." if first else ""
+            advice = f" {told_apart_by(first)}" if first else ""
             notes.append(f"These data do not tell {law_title(added.trial.candidate.label)} from {names}.{advice}")
     notes += [
         *regime_sentences(closed),
@@ -309,8 +310,8 @@ def _names(closed: ClosedLoop) -> set[str]:
     return {*signals, *model.names("parameter"), *elsewhere}
 
 
-def _event(event: Added, fitted: Fit) -> str:
-    """What happened in a log, when, and how large it was, in a sentence."""
+def _event(event: Added, fitted: Fit, beside: str) -> str:
+    """A sentence on what happened in a log, when, and how large it was; ``beside``: what the declaration has of it."""
     trial, (name, *_) = event.trial, event.coefficients
     info = fitted.problem.filter_model.model.parameters[
         fitted.problem.filter_model.model.index("parameter", name)
@@ -319,7 +320,7 @@ def _event(event: Added, fitted: Fit) -> str:
     size = with_ends(info.shown(fitted.values[name]), (info.shown(low), info.shown(high)), info.display_unit)
     return (
         f"Event: {law_title(trial.candidate.label)} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). "
-        "Time is no law: the corrected declaration does not have it."
+        f"Time is no law: the corrected declaration does not have it{beside}."
     )
 
 

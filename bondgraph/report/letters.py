@@ -80,7 +80,7 @@ def _valued(info: ParameterInfo, values: Mapping[str, float], ci95: Mapping[str,
         return f"{shown(value)}{_unit(info.display_unit)}"
     low, high = ci95[info.name]
     told = with_ends(value, (info.shown(low), info.shown(high)), info.display_unit)
-    return f"{told}, at its {_end(info, values)} limit" if _end(info, values) else told
+    return f"{told}, the {_end(info, values)} that is tried" if _end(info, values) else told
 
 
 def _value(info: ParameterInfo, values: Mapping[str, float]) -> float:
@@ -89,12 +89,12 @@ def _value(info: ParameterInfo, values: Mapping[str, float]) -> float:
 
 
 def _end(info: ParameterInfo, values: Mapping[str, float]) -> str:
-    """The end of its range on which a shape rests: "lower", "upper" or none."""
+    """The end of its range on which a shape rests: "least", "most" or none."""
     value = values.get(info.name, info.value)
     if info.lower is None or info.upper is None:
         return ""
     near = _AT_END * (info.upper - info.lower)
-    return "lower" if value <= info.lower + near else "upper" if value >= info.upper - near else ""
+    return "least" if value <= info.lower + near else "most" if value >= info.upper - near else ""
 
 
 def _unit(unit: str) -> str:

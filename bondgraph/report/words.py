@@ -89,6 +89,20 @@ def law_at(name: str, place: str) -> str:
     return f"{law_title(law)} at {place}{where}{regime}"
 
 
+def told_apart_by(separate: str) -> str:
+    """A sentence on what would tell two laws apart, by :class:`bondgraph.correct.advice.Separation`.
+
+    Examples
+    --------
+    >>> told_apart_by("a sensor of the flow of pipe (correlation 0.412)")
+    'A sensor of the flow of pipe (correlation 0.412) would tell them apart.'
+    >>> told_apart_by("none of the sensors and manoeuvres that were tried would separate them")
+    'None of the sensors and manoeuvres that were tried would separate them.'
+    """
+    said = f"{separate[:1].upper()}{separate[1:]}"
+    return f"{said}." if separate.startswith("none of") else f"{said} would tell them apart."
+
+
 def law_title(label: str) -> str:
     """The name of a law, or its label ``NAME at PLACE``, as prose shows it: of a formula its terms in words.
 

@@ -44,11 +44,11 @@ def test_a_shape_that_rests_on_the_end_of_its_range_is_said_to() -> None:
     shape = model.parameters[model.index("parameter", effect.shapes[0])]
     values = {one.name: one.value for one in graph.flatten().parameters}
     ends = {shape.name: (shape.lower or 0.0, 1.1 * shape.value)}
-    for value, words in ((shape.lower, "at its lower limit"), (shape.upper, "at its upper limit")):
+    for value, words in ((shape.lower, "the least that is tried"), (shape.upper, "the most that is tried")):
         told = found_effect(effect, place, model, values | {shape.name: value or 0.0}, ends).law
         assert words in told
     middle = values | {shape.name: 1.5 * (shape.lower or 0.0)}
-    assert "limit" not in found_effect(effect, place, model, middle, ends).law
+    assert "that is tried" not in found_effect(effect, place, model, middle, ends).law
 
 
 def test_a_stiffening_spring_with_a_negative_coefficient_is_said_to_soften() -> None:
