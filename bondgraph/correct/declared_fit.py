@@ -210,7 +210,7 @@ def otherwise_after_all(
     """
     found, than = [], "band limited" if begun.running("band limited") else "straight lines"
     for inputs in begun.straight:
-        alone = _otherwise(*before, inputs.ways, journal)
+        alone = _otherwise(*before, inputs.ways, journal, before[0].nll - after[0].nll - INDIFFERENT)
         if before[0].nll + alone < after[0].nll + INDIFFERENT:
             found.append(OtherwiseAfterAll(inputs, -alone, False, begun.pieces, than))
             continue
@@ -225,10 +225,16 @@ def straight_is_likelier(begun: DeclaredFit, fitted: Fit, built: BuiltModel, jou
     return _otherwise(fitted, built, dict.fromkeys(begun.otherwise, "linear"), journal) < -INDIFFERENT
 
 
-def _otherwise(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation], journal: Journal) -> float:
-    """Nats by which a fitted model gets worse with its inputs otherwise between samples, searched from where it is."""
+def _otherwise(
+    fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation], journal: Journal, least: float = 0.0
+) -> float:
+    """Nats by which a fitted model gets worse with its inputs otherwise between samples, searched from where it is.
+
+    Nothing is searched that is not within reach of ``least`` nats.
+    """
     return attempted(
-        lambda: lost_otherwise(fitted, build(with_inputs_between(built.graph, **ways)).model, journal), lambda why: 0.0
+        lambda: lost_otherwise(fitted, build(with_inputs_between(built.graph, **ways)).model, journal, least),
+        lambda why: 0.0,
     )
 
 

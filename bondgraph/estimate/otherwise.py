@@ -16,13 +16,16 @@ from bondgraph.data.band_limited import BAND_LIMITED, curvature, is_even
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.derivatives.exact import derivatives
+from bondgraph.estimate.derivatives.linearised import is_linearised
+from bondgraph.estimate.excerpt import excerpt, on_beginnings
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.inputs_otherwise import InputsOtherwise
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import fit
+from bondgraph.estimate.local import fit, left_open
 from bondgraph.estimate.objective import Progress, SearchOutcome, TraceRow, fitted_expansion, silent
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
+from bondgraph.estimate.searches import ROUGH, ROUGH_ITERATIONS
 from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.simulate.between import running_otherwise
 from bondgraph.simulate.late import given_rows
@@ -91,11 +94,23 @@ def curved_inputs(model: Model, logs: Sequence[MatchedLog]) -> list[str]:
     return [name for name in moving if max(curvature(log.u[rows[name]]) for log in logs) > _CURVED]
 
 
-def lost_otherwise(fitted: Fit, model: Model, journal: Journal | None = None) -> float:
+def lost_otherwise(fitted: Fit, model: Model, journal: Journal | None = None, least: float = 0.0) -> float:
     """Nats by which a fit gets worse with another model of the same parameters, searched from where it is.
 
-    One value with the derivatives of the fit tells first whether a gain is within reach: where none is, the loss that
-    is left at best is returned. Zero where the other model diverges there.
+    One value with the derivatives of the fit tells first whether a gain is within reach, and of a stiff model a rough
+    search on the beginnings of long logs: where none is, the loss that is left at best is returned. Zero where the
+    other model diverges there.
+
+    Parameters
+    ----------
+    fitted
+        The fit.
+    model
+        The other model.
+    journal
+        Finished fits.
+    least
+        Nats that must be gained for the answer to matter.
 
     Raises
     ------
@@ -110,7 +125,16 @@ def lost_otherwise(fitted: Fit, model: Model, journal: Journal | None = None) ->
     around = fitted.expansion.around(seen)
     promise = SMOOTH_OPTIMISM * newton_decrement(problem, fitted.point, around)
     lost = around.sum - fitted.expansion.sum
-    return lost - promise if lost - promise > 0.0 else fit(problem, journal=journal).nll - fitted.nll
+    if lost - promise > -least:
+        return lost - promise
+    part = excerpt(problem) if is_linearised(problem) else None
+    if part is None:
+        return fit(problem, journal=journal).nll - fitted.nll
+    begun = fit(part, ROUGH_ITERATIONS, ROUGH, journal=journal)
+    behind = begun.nll - on_beginnings(fitted.problem, fitted.point)
+    if behind > left_open(problem):
+        return behind
+    return fit(problem, starts=[begun.point, fitted.point], journal=journal).nll - fitted.nll
 
 
 def with_inputs_compared(found: Estimate, progress: Progress = silent) -> Estimate:

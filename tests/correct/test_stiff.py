@@ -22,11 +22,15 @@ from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.search.swap import swaps
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate import otherwise
 from bondgraph.estimate import setup as filter_setups
 from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.derivatives.formed import Formed, Scheme
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion
+from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import unknown_drives
 from bondgraph.estimate.solvers.exact_newton import polished
 from bondgraph.estimate.solvers.linearised import Reached
@@ -216,3 +220,31 @@ def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
     moving = [problem.names.index(name) for name in ("c", "std(motor_speed)", "std(drum_speed)")]
     own, truth = (one.information[np.ix_(moving, moving)] for one in (better.expansion, exact))
     assert own == pytest.approx(truth, rel=0.1, abs=0.1 * np.abs(truth).max())
+
+
+@pytest.mark.parametrize(
+    ("worse", "least", "looked_at"), [(100.0, 0.0, [200]), (1.0, 0.0, [200, None]), (1.0, 1e9, [])]
+)
+def test_inputs_that_run_another_way_are_searched_as_far_as_they_may_gain(
+    worse: float, least: float, looked_at: list[int | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the vehicle the other way took a third of an hour of the loop, where a look at its beginnings was enough."""
+    base = fitted(0.0)
+    whole, seen = base.problem.logs[0].time.size, list[int | None]()
+    own = -7.0  # on the beginnings
+
+    def stub(problem: EstimationProblem, *given: object, **named: object) -> Fit:
+        size = problem.logs[0].time.size
+        seen.append(size if size < whole else None)
+        return replace(base, nll=(own if size < whole else base.nll) + worse)
+
+    def part(problem: EstimationProblem) -> EstimationProblem | None:
+        return excerpt(problem, 200)
+
+    monkeypatch.setattr(otherwise, "fit", stub)
+    monkeypatch.setattr(otherwise, "excerpt", part)
+    monkeypatch.setattr(otherwise, "on_beginnings", lambda problem, point: own)
+    monkeypatch.setattr(otherwise, "newton_decrement", lambda *given: 1e6)  # what a score promises is within reach
+    lost = otherwise.lost_otherwise(base, base.problem.filter_model.model, least=least)
+    assert seen == looked_at
+    assert lost == pytest.approx(worse) if seen else lost > -least
