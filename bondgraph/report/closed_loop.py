@@ -21,7 +21,7 @@ from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.misfit import p_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import drawing_of
-from bondgraph.report.formulas import formula_sentences, headline_name, twins
+from bondgraph.report.formulas import formula_sentences, headline_name, twins, with_size
 from bondgraph.report.html import Located, Provenance, ReportData
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
@@ -286,7 +286,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
     for added in closed.added:
         others = twins(closed, added)
         if others:
-            names = few([law_at(twin.name, twin.junction) for twin in others])
+            names = few([with_size(closed, added, twin) for twin in others])
             first = next((twin.separate for twin in others if twin.separate), "")
             advice = f" {told_apart_by(first)}" if first else ""
             notes.append(f"These data do not tell {law_title(added.trial.candidate.label)} from {names}.{advice}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.evidence.trials import Added, Alternative, Trial
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import departs, form_text, holds_declared, intervals
@@ -12,7 +13,7 @@ from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import moved_parameters, other_words
 from bondgraph.report.letters import softens
 from bondgraph.report.regimes import named
-from bondgraph.report.words import law_title
+from bondgraph.report.words import law_at, law_title
 
 
 def headline_name(closed: ClosedLoop, added: Added) -> str:
@@ -117,6 +118,20 @@ def twins(closed: ClosedLoop, added: Added) -> list[Alternative]:
     found += [Alternative(name, at, added.trial.gain, True, "it does as well in its place") for name, _, at in alike]
     itself = _without_side(own.effect.described, own.place.label)
     return [one for one in found if _without_side(one.name, one.junction) != itself]
+
+
+def with_size(closed: ClosedLoop, added: Added, twin: Alternative) -> str:
+    """A law that the data do not tell from one that was added, with its numbers where it was refitted in its place."""
+    said, turn = law_at(twin.name, twin.junction), round_of(closed, added)
+    label = (twin.name, twin.junction)
+    for trial in () if turn is None else turn.trials:
+        effect = trial.candidate.effect
+        if trial.fit is not None and (effect.described, trial.candidate.place.label) == label:
+            told = [
+                f"{name} = {value_text(trial.fit, name)}" for name in effect.parameters if name not in effect.widths
+            ]
+            return f"{said} ({', '.join(told)})" if told else said
+    return said
 
 
 def _without_side(name: str, junction: str) -> tuple[str, str, str]:

@@ -16,7 +16,7 @@ from bondgraph.correct.rest import Rest, at_random
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.estimate.fitted import Fit
 from bondgraph.report.closed_loop import _or_twins
-from bondgraph.report.formulas import twins
+from bondgraph.report.formulas import twins, with_size
 from bondgraph.report.words import law_at
 from tests.correct.sled import built, fitted, pull, sled
 
@@ -81,6 +81,20 @@ def test_the_verdict_names_what_the_data_do_not_tell_apart(
     leak = SimpleNamespace(effect=SimpleNamespace(described="leak"), place=SimpleNamespace(label="tank"))
     added = SimpleNamespace(trial=SimpleNamespace(candidate=leak, simplifies="", rivals=(), stands_for=()))
     assert _or_twins(closed, added) == said  # type: ignore[arg-type]
+
+
+def test_a_law_that_is_not_told_apart_has_its_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A relief valve had the true threshold in the place of an overflow that had not, and nobody could see it."""
+    effect = SimpleNamespace(described="relief_valve", parameters=("e_valve", "w_valve"), widths=("w_valve",))
+    candidate = SimpleNamespace(effect=effect, place=SimpleNamespace(label="pump"))
+    turn = SimpleNamespace(trials=[SimpleNamespace(fit=object(), candidate=candidate)])
+    monkeypatch.setattr("bondgraph.report.formulas.round_of", lambda closed, added: turn)
+    monkeypatch.setattr("bondgraph.report.formulas.value_text", lambda fitted, name: "4.33e+05 Pa")
+    told = [
+        with_size(SimpleNamespace(), SimpleNamespace(), Alternative(name, "pump", 80.0, True, ""))  # type: ignore[arg-type]
+        for name in ("relief_valve", "leakage")
+    ]
+    assert told == ["relief_valve at pump (e_valve = 4.33e+05 Pa)", "leakage at pump"]
 
 
 def test_the_same_law_by_other_levels_is_no_twin_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
