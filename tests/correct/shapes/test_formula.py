@@ -17,9 +17,10 @@ from bondgraph.correct.places.probes import Signal, argument, probes, signals
 from bondgraph.correct.places.unexplained import distinct, splines
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.correct.scores.scoring import linearisation
+from bondgraph.correct.shapes import subsets
 from bondgraph.correct.shapes.formula import Formula, formula_of
 from bondgraph.correct.shapes.library import Term, library, products
-from bondgraph.correct.shapes.subsets import Terms, best_sums
+from bondgraph.correct.shapes.subsets import Terms, best_sums, scored_products
 from bondgraph.correct.shapes.words import moved_parameters
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
@@ -186,6 +187,24 @@ def fitted(train: list[MatchedLog]) -> Fit:
     built = bg.build(swing())
     setup = filter_setup(built.model, built.driven, train)
     return fit(EstimationProblem(setup.filter_model, tuple(train), (*free_parameters(setup, ()), *setup.noise)))
+
+
+def test_products_that_are_scored_a_few_at_a_time_gain_as_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    train = [log(CUBE, 1)]
+    base, built = fitted(train), bg.build(swing())
+    linear = linearisation(base, train)
+    where = places(built, train, linear.runs, base.theta)
+    known = distinct(signals(built, linear, where))
+    (body,) = (one for one in probes(built, linear, where) if one.place.label == "body")
+    several = scored_products(linear, body, known)
+    monkeypatch.setattr(subsets, "_AT_ONCE", 100000)
+    whole = scored_products(linear, body, known)
+    assert len(several.terms) > 2 * 32 and several.terms == whole.terms
+    assert np.array_equal(several.edges, whole.edges)
+    assert several.score == pytest.approx(whole.score, rel=1e-9)
+    own, every = ([(one.terms, one.gain) for one in best_sums(each, 500, 1, 1000)] for each in (several, whole))
+    assert [one for one, _ in own] == [one for one, _ in every]
+    assert [gain for _, gain in own] == pytest.approx([gain for _, gain in every], rel=1e-9)
 
 
 def test_what_a_free_parameter_can_take_is_no_part_of_a_shape() -> None:
