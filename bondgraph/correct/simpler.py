@@ -163,7 +163,10 @@ def _singles(
 
 
 def _simpler(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Other]:
-    """Refitted laws of the dictionary at the place of a law that have fewer parameters than it."""
+    """Refitted laws of the dictionary at the place of a law that have fewer parameters than it.
+
+    None that did not transfer in its round: of a mixer whose grease warms a spring to the frame came in so.
+    """
     law = state.added[index]
     effect = law.candidate.effect
     if effect.kind == DISTURBANCE or effect.channel or effect.regime or law.gate is not None:
@@ -173,6 +176,8 @@ def _simpler(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Othe
         own, known = one.candidate.effect, best.get(one.candidate.label)
         alike = one.candidate.place.label == law.candidate.place.label and one.gate is None and not own.regime
         if not alike or one.fit is None or own.channel or own.adds_state or formula_of(one.candidate.function):
+            continue
+        if one.transfer is not None and not one.transfer.passes:
             continue
         if len(own.parameters) < len(effect.parameters) and (known is None or one.gain > known.gain):
             best[one.candidate.label] = one

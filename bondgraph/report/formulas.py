@@ -67,7 +67,8 @@ def _sentence(closed: ClosedLoop, added: Added) -> str:
     said += f", known as {known}" if known else ""
     turn = round_of(closed, added)
     if turn is not None and added.trial.fit is not None:
-        moved = moved_parameters(turn.base, added.trial.fit, closed.nominal_built.graph)
+        after = closed.corrected if len(closed.added) == 1 else added.trial.fit
+        moved = moved_parameters(turn.base, after, closed.nominal_built.graph)
         said += "".join(f"; beside it {name} is {now}, {before} without" for name, now, before in moved)
     return f"{said}."
 

@@ -9,6 +9,7 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.probes import probes, signals
@@ -26,7 +27,9 @@ from tests.correct.sled import added, built, fitted, pull, sled
 FRICTION = 12.0
 
 
-def _added(log: MatchedLog, chosen: EffectFunction, *others: EffectFunction) -> Progress:
+def _added(
+    log: MatchedLog, chosen: EffectFunction, *others: EffectFunction, transfer: Transfer | None = None
+) -> Progress:
     """The state after a law was added at the runner, and others refitted there, at the end of the loop."""
     base = fitted([log])
     where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "runner"]
@@ -37,6 +40,7 @@ def _added(log: MatchedLog, chosen: EffectFunction, *others: EffectFunction) -> 
         return refit_from(Trial(made, 0.0), [FRICTION], context)
 
     law, *rest = [refitted(one) for one in (chosen, *others)]
+    rest = [replace(one, transfer=transfer) for one in rest]
     assert law.built is not None and law.fit is not None
     state = Progress(sled(), law.built, law.fit, (log,), (law,))
     return in_simpler_laws(state, [SimpleNamespace(trials=(law, *rest), chosen=law)], RoundSettings())  # type: ignore[list-item]
@@ -52,6 +56,14 @@ def test_a_simpler_law_that_does_as_well_takes_the_place_of_a_law() -> None:
     assert law.evidence is not None and law.evidence.delta_nll > 100.0 and law.fit is state.fit
     assert [one.action for one in state.history] == ["simplified"] and "parameters fewer" in state.history[0].why
     assert "rise_stribeck_loss_runner" not in state.built.model.names("parameter")
+
+
+def test_a_simpler_law_that_was_refused_since_it_does_not_transfer_does_not() -> None:
+    """Of a mixer whose grease warms a spring to the frame came in so, at a shaft that had turned 360 times."""
+    log = pull(added(effects.coulomb_loss, "runner", FRICTION), 5)
+    refused = Transfer(("first", "second"), (9.0, -5.0), 13.0, 7.0, 0.4)
+    state = _added(log, effects.stribeck_loss, effects.coulomb_loss, transfer=refused)
+    assert [one.candidate.label for one in state.added] == ["stribeck_loss at runner"] and not state.history
 
 
 def test_a_simpler_law_that_explains_less_does_not() -> None:
