@@ -44,6 +44,18 @@ _WORDS = {
 }  # fmt: skip
 
 
+def in_words(signal: str, unit: str) -> str:
+    """A signal in the words of its domain, as its unit tells them.
+
+    Examples
+    --------
+    >>> in_words("effort of water", "K"), in_words("displacement of spring", "m"), in_words("pull", "N")
+    ('temperature of water', 'displacement of spring', 'pull')
+    """
+    variable, separator, node = signal.partition(" of ")
+    return f"{_WORDS.get((variable, unit), variable)} of {node}" if separator else signal
+
+
 @dataclass(frozen=True)
 class Regime:
     """Where a law acts: where a signal is above (below) a level, or between (outside) that and an upper one.
@@ -76,8 +88,7 @@ class Regime:
     @property
     def quantity(self) -> str:
         """The signal in words."""
-        variable, separator, node = self.signal.partition(" of ")
-        return f"{_WORDS.get((variable, self.unit), variable)} of {node}" if separator else self.signal
+        return in_words(self.signal, self.unit)
 
     def told(self, *levels: str) -> str:
         """The regime as a person reads it, with the texts of its levels.

@@ -18,6 +18,7 @@ from sympy import Expr, Symbol
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import placed
 from bondgraph.correct.places.probes import Signal, argument
+from bondgraph.correct.places.regimes import in_words
 from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.law_text import Intervals, letters_beside, with_numbers
@@ -28,6 +29,7 @@ from bondgraph.declare.expressions import signal_name
 from bondgraph.declare.functions import numeric
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.validation import node_domains
 from bondgraph.simulate.model import Model
 
 
@@ -126,16 +128,20 @@ def whole_text(law: Trial, graph: BondGraph, values: Mapping[str, float], ends: 
     if len(names) > len(free):
         return None
     letters = dict(zip(names, free, strict=False))
-    words = " and ".join(f"{letter.name} the {_worded(one)}" for one, letter in letters.items())
+    words = " and ".join(f"{letter.name} the {_worded(one, graph)}" for one, letter in letters.items())
     units = {} if place.domain is None else {"effort": place.domain.effort_unit, "flow": place.domain.flow_unit}
     text = with_numbers(whole.xreplace(letters), values, ends)
     return f"{gives} = {text}{f'  [{units[gives]}]' if units.get(gives) else ''}, {words}"
 
 
-def _worded(one: Symbol) -> str:
+def _worded(one: Symbol, graph: BondGraph) -> str:
     """The name that people read of a signal."""
     read = signal_name(one)
-    return one.name if read is None else f"{read.variable} of {read.node}"
+    if read is None:
+        return str(one.name)
+    domain = node_domains(graph).get(read.node)
+    units = {} if domain is None else {"effort": domain.effort_unit, "flow": domain.flow_unit}
+    return in_words(f"{read.variable} of {read.node}", units.get(read.variable, ""))
 
 
 def departure(law: Trial, graph: BondGraph, values: Mapping[str, float], known: Sequence[Signal]) -> float | None:

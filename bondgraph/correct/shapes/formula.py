@@ -10,6 +10,7 @@ import numpy as np
 from sympy import Add, Expr, Function, Symbol
 
 from bondgraph.correct.places.probes import Variable, argument
+from bondgraph.correct.places.regimes import in_words
 from bondgraph.correct.shapes.law_text import Intervals, letters_beside, python_text, rounded, with_numbers
 from bondgraph.correct.shapes.library import Term, identifier
 from bondgraph.data.log import FloatArray
@@ -189,7 +190,12 @@ class Formula:
             own = {one.name: values[one.name] for one in every}
             law = with_numbers(self.law(named, read=True).xreplace(letters), own, ends)
         unit = f"  [{self.unit}]" if values is not None and self.unit else ""
-        words = " and ".join(f"{letters[argument(one)]} the {one}" for one in self.signals if argument(one) in letters)
+        units = {name: unit for term in self.terms for name, unit in zip(term.signals, term.units, strict=True)}
+        words = " and ".join(
+            f"{letters[argument(one)]} the {in_words(one, units[one])}"
+            for one in self.signals
+            if argument(one) in letters
+        )
         return f"{self.variable} = {law}{unit}, {words}"
 
     def python(self, values: Mapping[str, float], ends: Intervals | None = None) -> str:

@@ -41,7 +41,7 @@ def other_words(formula: Formula, values: Mapping[str, float]) -> str:
     >>> term = next(one for one in library([speed], speed) if one.kind.name == "signed_square")
     >>> found = Formula(Place(Handle("body", "1", TRANSLATION), Scale(1.0, 2.0)), "effort", "N", (term,), (4.0,))
     >>> other_words(found, {found.coefficients()[0].name: 0.3}), found.text()
-    ('quadratic loss', 'effort = c*x*|x|, x the flow of body')
+    ('quadratic loss', 'effort = c*x*|x|, x the speed of body')
     """
     if len(formula.terms) != 1 or len(formula.signals) != 1:
         return ""

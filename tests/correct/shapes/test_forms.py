@@ -103,7 +103,7 @@ def test_its_text_and_its_curve_are_those_of_the_sum() -> None:
     graph = with_values(graph, dict(zip(names, (0.05555555555555555, -0.31234, 1.2345678), strict=True)))
     values = {one.name: one.value for one in graph.flatten().parameters}
     text = whole_text(whole, graph, values, {names[1]: (-0.35, -0.27)})
-    assert text == "effort = 0.0556*x*|x| - 0.312*tanh(x/1.23)  [N m], x the flow of rotor"
+    assert text == "effort = 0.0556*x*|x| - 0.312*tanh(x/1.23)  [N m], x the speed of rotor"
     at = SPEED.values[0]
     expected = values[names[0]] * at * np.abs(at) + values[names[1]] * np.tanh(at / values[names[2]])
     drawn = curve(whole, graph, values, SPEED, at)
