@@ -25,7 +25,7 @@ from bondgraph.text import few, inflected, number
 
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
-#: Standard deviations beyond which a value lies outside a 95 % interval.
+#: Standard deviations beyond which a value lies outside a 95 % interval of the normal distribution.
 _OUTSIDE = 1.96
 
 
@@ -135,8 +135,10 @@ def _hanging_on_events(alone: Fit, knowing: Fit, laws: Sequence[Trial], journal:
     """A sentence on coefficients of laws that a fit without the events has outside their intervals.
 
     ``alone`` is the model without events, at the values that were estimated beside them in ``knowing``. Where an event
-    stands for a part of a law, the law beside it is wrong by that part.
+    stands for a part of a law, the law beside it is wrong by that part. None of stiff models: their fits are costly.
     """
+    if alone.problem.filter_model.is_stiff:
+        return []
     refitted = attempted(lambda: fit(alone.problem, journal=journal), lambda why: None)
     if refitted is None:
         return []
@@ -200,5 +202,5 @@ def _undetectable(rounds: Sequence[Round]) -> list[str]:
     taken, small = ([f"{one.effect} at {one.junction}" for one in blind if one.taken is way] for way in (True, False))
     said = [f"cannot be told from what is free, whatever its size: {few(taken)}"] if taken else []
     if small:
-        said.append(f"these logs would not show, even where as large as all else at its place: {few(small)}")
+        said.append(f"these logs would not show these, even as large as all else at their places: {few(small)}")
     return said

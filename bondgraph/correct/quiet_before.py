@@ -53,9 +53,9 @@ def simulated_better(
             beaten = beaten or errors[0] < errors[2]
     if not said:
         return []
-    also = ", better than the corrected model does" if beaten else ""
+    also = ", and better than the corrected model does" if beaten else ""
     kind = ("training", "held-out")[which]
     return [
-        "part of the column before is process noise: fitted without it the declared model simulates the "
-        f"{kind} logs to less{also}: {few(said)}"
+        f"the declared model simulates the {kind} logs better where it is fitted without process noise{also}: "
+        f"{few(said)}"
     ]

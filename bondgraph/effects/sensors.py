@@ -110,10 +110,13 @@ def sensor_ceiling(g: BondGraph, at: Place) -> Effect | None:
 
 @sensor_fault
 def sensor_floor(g: BondGraph, at: Place) -> Effect | None:
-    """A range that does not begin at zero: a pyrometer that sees what is around, a meter of an amplitude in noise."""
+    """A range that does not begin at zero: a pyrometer that sees what is around, a meter of an amplitude in noise.
+
+    The law is one of values that keep their sign; where they change it, it is a bump at zero.
+    """
     unit, one = _shown_unit(g, at)
     size = at.scale.effort / one
-    c = g.parameter(f"floor_{at.name}", 0.0, unit, f"what {at.output} shows of nothing", (0.0, size))
+    c = g.parameter(f"c_floor_{at.name}", 0.0, unit, f"what {at.output} shows of nothing", (0.0, size))
     of = g.parameter(f"size_floor_{at.name}", size, unit, f"size of {at.output}")
     n = sharpness(g, f"sharpness_floor_{at.name}")
     revise_output(g, at.output, lambda shown: of * floor(shown / of, c / of, n))

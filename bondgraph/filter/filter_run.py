@@ -178,8 +178,8 @@ def solved(cov: FloatArray, cross: FloatArray) -> FloatArray:
 def _by_inverses(correlation: FloatArray, known: BoolArray, scaled: FloatArray) -> FloatArray:
     """``correlation^-1 scaled`` for stacks (m, n, n); ``known`` (m, n) are rows and columns of zeros.
 
-    Where an inverse shows that no direction is known up to rounding it serves, at a fifth of the time that eigenvalues
-    take; these tell of all others which directions are left out.
+    An inverse serves where it shows that no direction is known up to rounding: it takes less than half the time.
+    Eigenvalues tell of all others which directions are left out.
     """
     size = correlation.shape[1]
     filled = correlation.copy()

@@ -33,7 +33,13 @@ def loop(seconds: float) -> dict[str, float]:
     graph = ranger.full()
     log = drive(seconds)
     wall, processor = time.perf_counter(), time.process_time()
-    closed = close_loop(graph, [log], [], effect_functions(effects), LoopSettings(free=FREE))
+    added: list[float] = []
+
+    def noted(stage: str, done: int, total: int) -> None:
+        if stage.endswith("add the effect and estimate again") and done == total:
+            added.append(time.process_time() - processor)
+
+    closed = close_loop(graph, [log], [], effect_functions(effects), LoopSettings(free=FREE), noted)
     took = time.perf_counter() - wall, time.process_time() - processor
     value = min(_seconds_of_a_value(closed.nominal) for _ in range(3))
     names = [(one.trial.candidate.effect.name, one.trial.candidate.place.label) for one in closed.added]
@@ -41,6 +47,7 @@ def loop(seconds: float) -> dict[str, float]:
         "seconds of log": seconds,
         "wall seconds": took[0],
         "CPU seconds": took[1],
+        "CPU seconds until an effect is added": added[0] if added else float("nan"),
         "seconds of one value of the likelihood": value,
         "values that it costs": took[0] / value,
         "candidates tried": float(sum(turn.tried for turn in closed.rounds)),

@@ -128,10 +128,10 @@ def test_a_declared_model_that_simulates_better_without_noise_is_said() -> None:
     there = assess(quiet, closed.nominal.problem.logs).channels["speed"].simulation_rmse
     here, last = (one.channels["speed"].simulation_rmse for one in (closed.nominal_train, closed.corrected_train))
     assert last < there < 0.5 * here
-    (said,) = [one for one in closed.cautions if one.startswith("part of the column before")]
+    (said,) = [one for one in closed.cautions if one.startswith("the declared model simulates")]
     told = f"speed to {number(there)} m/s instead of {number(here)} (corrected: {number(last)})"
     assert told in said and "force" not in said and "better than the corrected" not in said
-    assert not any(one.startswith("part of the column before") for one in closed_on(52.0).cautions)
+    assert not any(one.startswith("the declared model simulates") for one in closed_on(52.0).cautions)
 
 
 @pytest.mark.parametrize(("further", "freed"), [(None, ()), (2.0, ()), (80.0, ("m_sled",))])

@@ -57,7 +57,7 @@ def test_what_a_later_round_found_is_not_beyond_detection() -> None:
     ]
     taken, small = cautions._undetectable(cast("list[Round]", rounds))
     assert taken == "cannot be told from what is free, whatever its size: leak at product"
-    assert small == "these logs would not show, even where as large as all else at its place: radiation at product"
+    assert small == "these logs would not show these, even as large as all else at their places: radiation at product"
 
 
 @pytest.mark.parametrize(

@@ -228,7 +228,7 @@ def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
 def test_inputs_that_run_another_way_are_searched_as_far_as_they_may_gain(
     worse: float, least: float, looked_at: list[int | None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On the vehicle the other way took a third of an hour of the loop, where a look at its beginnings was enough."""
+    """Of 300 s of driving the searches of other ways took 550 s of CPU, and 105 with a look at the beginnings."""
     base = fitted(0.0)
     whole, seen = base.problem.logs[0].time.size, list[int | None]()
     own = -7.0  # on the beginnings

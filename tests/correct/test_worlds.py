@@ -140,5 +140,5 @@ def test_a_relaxation_of_many_time_constants_is_no_drift_of_the_only_sensor() ->
     assert {one.trial.candidate.label for one in closed.added} <= relaxations
     (before,), (after,) = (one.logs for one in (closed.nominal_holdout, closed.corrected_holdout))
     assert after.channels["voltage"].simulation_rmse < 0.2 * before.channels["voltage"].simulation_rmse
-    (said,) = [one for one in closed.cautions if one.startswith("part of the column before")]
+    (said,) = [one for one in closed.cautions if one.startswith("the declared model simulates")]
     assert "better than the corrected model does" in said  # its charge walks with the noise

@@ -65,7 +65,7 @@ def test_the_floor_is_found_at_its_sensor() -> None:
     loop = closed(400.0)
     (found,) = loop.added
     assert found.trial.candidate.label == "sensor_floor at sensor seen"
-    lower, upper = intervals(loop.corrected)["floor_seen"]
+    lower, upper = intervals(loop.corrected)["c_floor_seen"]
     assert lower < 400.0 < upper and upper - lower < 40.0
     assert "sensor fault" in loop.verdict
 

@@ -35,7 +35,7 @@ from bondgraph.filter.compiled import CompiledFilter
 
 #: Candidates of stiff models that are refitted at once, whatever the machine, so that results do not depend on it.
 _ABREAST = 2
-#: Of these so many begin together where none leads: what scores promise is right to a factor of two or three.
+#: Candidates of which a part of the logs tells which is refitted first, where none leads. A convention.
 _RACED = 4
 #: Responses less alike than this do not take each other's place.
 _STRANGE = 0.2

@@ -39,7 +39,7 @@ _ROUNDS = 3
 
 
 def is_due(best: Trial, trials: Sequence[Trial], context: Context) -> bool:
-    """Whether widths are to be freed before a trial is chosen; of a stiff model where a simpler law may do as well.
+    """True where widths are freed before a trial is chosen; of a stiff model where a simpler law may do as well.
 
     Before a formula is chosen, those of the known law at its place that comes nearest are.
     """

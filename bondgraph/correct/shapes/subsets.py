@@ -27,7 +27,7 @@ from bondgraph.filter.linear.response import Change
 MOST_TERMS = 3
 #: Sums of three are made of so many terms, those that gain most alone or beside the best: more are more than 2300 sums.
 _OF_THREE = 25
-#: Products of which responses are formed at once: more take memory for nothing.
+#: Products whose information is formed at once, which takes the square of their number. A convention.
 _AT_ONCE = 32
 #: Sums whose least eigenvalue of scaled information is below this are one term but for rounding.
 _ALIKE = 1e-6
@@ -75,8 +75,7 @@ def scored_terms(linear: Linearisation, probe: Probe, known: Sequence[Signal], o
 def scored_products(linear: Linearisation, probe: Probe, known: Sequence[Signal]) -> Terms:
     """The products of signals at one place, those of which parameters leave something; each is looked at alone.
 
-    So what they tell together is formed of a few at once, and is zero between these: that of all of them took four
-    minutes on five of driving.
+    What they tell together is formed of a few at once, and is zero between these.
     """
     own = f"{'flow' if probe.variable == 'effort' else 'effort'} of {probe.place.label}"
     every = products(known, own)
